@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 from sma_bayes.records.types import Branch
+from sma_bayes.studies.cycles.laws import PACES
 from sma_bayes.studies.cycles.study import changes, pool, probability_stable, quantities
 from sma_bayes.studies.cycles.sweeps import fit_strand, sweeps_of
 
@@ -122,3 +123,40 @@ def test_stiffness_is_covered_from_start_to_finish(training_spring: ModuleType) 
             low, high = np.nanquantile(np.array(found), [0.05, 0.95], axis=1)
             within.append((low <= true) & (true <= high))
     assert np.sum(within, axis=0).min() >= 24
+
+
+@pytest.mark.slow
+def test_a_simulated_hundred(training_spring: ModuleType) -> None:
+    """All 100 cycles measured, exponential training: law and its pace, claim of stability, curves of cycles.
+
+    N0 is the next one of its grid, a quarter apart. The claim is true, and comes at most eight cycles late. Points of a
+    curve go together: of the 200 curves a mean share of 0.8 within their 90 % intervals is five standard errors (0.02)
+    below what is stated.
+    """
+    rng, cycle, pace = np.random.default_rng(21), np.arange(100.0), 9.0
+    state, sweep = {}, {}
+    for branch in Branch:
+        size = np.array([0.15, -0.12, -7.0, 0.2])
+        state[branch] = size * (1.0 - np.exp(-cycle[:, None] / pace))
+        sweep[branch] = state[branch] + np.array([0.003, 0.004, 0.15, 0.01]) * rng.standard_normal((100, 4))
+    truth = training_spring.Truth(state, sweep)
+    strands = []
+    for record in training_spring.measured(truth, rng):
+        sweeps, number, _ = sweeps_of(record, CHANNEL)
+        strands.append(fit_strand(sweeps, CHANNEL, number, "modified_sigmoid", 0))
+    pooled = pool(strands, 10, 0, 1000)
+    assert pooled.posterior.chosen == "exponential"
+    found_pace = PACES[int(pooled.posterior.pace_weights("exponential").argmax())]
+    assert abs(np.log(found_pace / pace)) < np.log(PACES[1] / PACES[0])
+    true = 1 + int(np.flatnonzero(true_changes(training_spring, truth) > 0.02).max() + 1)
+    said = 1 + int(np.flatnonzero(probability_stable(changes(pooled), 0.02) >= PROBABILITY)[0])
+    assert true <= said <= true + 8
+    t, covered = np.linspace(20.0, 95.0, 60), []
+    for place, strand in enumerate(strands):
+        branch = strand.record.branch
+        for k in range(100):
+            found = strand.curve(pooled.numbers(place)[:, k], t, pooled.errors[place])
+            low, high = np.quantile(found, [0.05, 0.95], axis=0)
+            real = training_spring.curve(sweep[branch][k], t, branch, CHANNEL)
+            covered.append(float(np.mean((low <= real) & (real <= high))))
+    assert np.mean(covered) > 0.8

@@ -15,6 +15,8 @@ from sma_bayes.studies.cycles.schema import ConditionCycles, CyclesDocument, Qua
 
 COLUMNS: Final = 7
 """Quantities side by side, at most; the report has all of them."""
+FORECAST: Final = 4
+"""Cycles that are forecast among those shown, where there are very many."""
 
 
 def show_cycles(told: Mapping[str, Any], out: Path) -> None:
@@ -44,6 +46,8 @@ def _show_condition(console: Screen, one: ConditionCycles, temperature_unit: str
             *(q for q in own if q.name[-1] in "sf"),
         ]
         _show_branch(console, one, branch, list(dict.fromkeys(map(id, shown))), own, temperature_unit)
+    if None in shown_rows(len(one.measured), len(one.cycles)):
+        console.tell("cycles that are not shown (…) are in `quantities.csv`")
     console.tell(f"law of training: {one.law.reason}")
     console.tell(
         *(
@@ -72,13 +76,29 @@ def _show_branch(
     for q in shown:
         at = f" at {q.at:g} {unit_label(temperature_unit)}" if q.at is not None else ""
         table.add_column(f"{q.name}{at} [{unit_label(q.unit) or '1'}]", justify="right")
-    rows = list(range(len(one.cycles)))
-    for i in rows if len(rows) <= SHOWN else [*rows[: SHOWN // 2], *rows[-SHOWN // 2 :]]:
+    for i in shown_rows(len(one.measured), len(one.cycles)):
+        if i is None:
+            table.add_row("…")
+            continue
         later = "" if one.cycles[i] in one.measured else " forecast"
         table.add_row(
             f"{one.cycles[i]}{later}", *(interval_text(q.median[i], q.q05[i], q.q95[i]) for q in shown)
         )
     console.print(table)
+
+
+def shown_rows(measured: int, cycles: int) -> list[int | None]:
+    """Places of the cycles that are shown, None where some are left out: first and last ones, mostly measured."""
+    if cycles <= SHOWN:
+        return list(range(cycles))
+    return [
+        *_first_and_last(range(measured), SHOWN - FORECAST),
+        *_first_and_last(range(measured, cycles), FORECAST),
+    ]
+
+
+def _first_and_last(rows: range, most: int) -> list[int | None]:
+    return [*rows] if len(rows) <= most else [*rows[: most // 2], None, *rows[-most // 2 :]]
 
 
 def _span(cycles: tuple[float, ...]) -> str:
