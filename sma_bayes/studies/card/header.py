@@ -6,8 +6,7 @@ import re
 from collections.abc import Sequence
 from typing import Final
 
-from sma_bayes.arrays import Floats
-from sma_bayes.studies.card.stiffness import TabulatedStiffness
+from sma_bayes.studies.card.schema import TabulatedQuantiles
 
 _DECLARATIONS: Final = """\
 #ifndef SMA_BAYES_STIFFNESS_H
@@ -70,19 +69,19 @@ static inline int sma_stiffness_at(const sma_stiffness_table *table, float tempe
 """
 
 
-def stiffness_header(tables: Sequence[TabulatedStiffness], campaign: str, source: str) -> str:
+def stiffness_header(tables: Sequence[TabulatedQuantiles], campaign: str, source: str) -> str:
     """Header with all tables and the function that looks up in one.
 
     Parameters
     ----------
-    tables : sequence of TabulatedStiffness
-        At least one, all of its numbers finite.
+    tables : sequence of TabulatedQuantiles
+        At least one.
     campaign : str
         Its name, for the comment.
     source : str
         Checksum of the fit.
     """
-    worst = max(t.relative for t in tables)
+    worst = max(t.relative_error for t in tables)
     lines = [
         "/*",
         f" * Stiffness against temperature: {_comment(campaign)}.",
@@ -95,16 +94,16 @@ def stiffness_header(tables: Sequence[TabulatedStiffness], campaign: str, source
     entries, taken = [], set[str]()
     for t in tables:
         name = _identifier(f"{t.condition}_{t.branch}", taken)
-        for quantile, row in zip(("q05", "median", "q95"), t.values, strict=True):
+        for quantile, row in (("q05", t.q05), ("median", t.median), ("q95", t.q95)):
             lines.append(
-                f"static const float sma_{name}_{quantile}[{row.size}] = {{ /* {_comment(t.unit)} */"
+                f"static const float sma_{name}_{quantile}[{t.points}] = {{ /* {_comment(t.unit)} */"
             )
             lines += _rows(row)
             lines.append("};")
         lines.append("")
         entries.append(
             f"    {{{_string(t.condition)}, {_string(t.branch)}, {_string(t.unit)}, {_string(t.temperature_unit)},\n"
-            f"     {_number(t.temperature[0])}, {_number(t.step)}, {t.temperature.size}, {_number(t.error)},\n"
+            f"     {_number(t.first)}, {_number(t.step)}, {t.points}, {_number(t.interpolation_error)},\n"
             f"     sma_{name}_q05, sma_{name}_median, sma_{name}_q95}}"
         )
     lines += [
@@ -118,7 +117,7 @@ def stiffness_header(tables: Sequence[TabulatedStiffness], campaign: str, source
     return "\n".join(lines)
 
 
-def _rows(values: Floats) -> list[str]:
+def _rows(values: Sequence[float]) -> list[str]:
     cells = [_number(v) for v in values]
     return ["    " + ", ".join(cells[i : i + 6]) + "," for i in range(0, len(cells), 6)]
 

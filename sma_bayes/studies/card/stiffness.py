@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
@@ -12,47 +11,15 @@ from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.assess.path import path_remark
 from sma_bayes.fitting.curves import quantiles
+from sma_bayes.studies.card.schema import TabulatedQuantiles
 
 LEVELS: Final = (0.05, 0.5, 0.95)
 _BETWEEN: Final = 15
 """Temperatures between two rows at which interpolation is compared with the curve."""
 
 
-@dataclass(frozen=True, slots=True, eq=False)
-class TabulatedStiffness:
-    """Quantiles of a stiffness at even temperatures.
-
-    Attributes
-    ----------
-    condition, branch, quantity, unit, temperature_unit : str
-    temperature : ndarray, shape (m,)
-    values : ndarray, shape (3, m)
-        5 %, 50 % and 95 % [unit].
-    error, relative : float
-        Largest error of linear interpolation of any of the three [unit], and over the median there [1].
-    caution : str
-        What the slope means on the rig, where it is not that of the spring.
-    """
-
-    condition: str
-    branch: str
-    quantity: str
-    unit: str
-    temperature_unit: str
-    temperature: Floats
-    values: Floats
-    error: float
-    relative: float
-    caution: str
-
-    @property
-    def step(self) -> float:
-        """From one temperature to the next."""
-        return float((self.temperature[-1] - self.temperature[0]) / (self.temperature.size - 1))
-
-
-def tabulated(draws: RecordDraws, points: int) -> TabulatedStiffness:
-    """Table of the stiffness of one record over the temperatures that were measured.
+def tabulated(draws: RecordDraws, points: int) -> TabulatedQuantiles | None:
+    """Table of the stiffness of one record over the temperatures that were measured; None where it is not finite.
 
     Parameters
     ----------
@@ -70,11 +37,26 @@ def tabulated(draws: RecordDraws, points: int) -> TabulatedStiffness:
     error, relative = interpolation_error(at, temperature, values)
     spread = {c: float(np.median(draws.theta[:, i[0]])) for c, i in draws.posterior.layout[0].noise.items()}
     remark = path_remark(draws.record, spread)
-    return TabulatedStiffness(
-        draws.condition.id, draws.branch.value, draws.quantities["stiffness"], draws.units["stiffness"],
-        draws.units["temperature"], temperature, values, error, relative,
-        remark.message if remark.kind in ("constant_load", "constant_displacement") else "",
-    )  # fmt: skip
+    if not (np.isfinite(values).all() and np.isfinite(error)):
+        return None
+    low, middle, high = (tuple(row.tolist()) for row in values)
+    return TabulatedQuantiles(
+        condition=draws.condition.id,
+        branch=draws.branch.value,
+        quantity=draws.quantities["stiffness"],
+        unit=draws.units["stiffness"],
+        temperature_unit=draws.units["temperature"],
+        first=float(temperature[0]),
+        step=float((temperature[-1] - temperature[0]) / (points - 1)),
+        points=points,
+        interpolation_error=error,
+        relative_error=relative,
+        caution=remark.message if remark.kind in ("constant_load", "constant_displacement") else "",
+        temperature=tuple(temperature.tolist()),
+        q05=low,
+        median=middle,
+        q95=high,
+    )
 
 
 def interpolation_error(

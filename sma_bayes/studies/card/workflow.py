@@ -48,7 +48,7 @@ from sma_bayes.studies.card.schema import (
     TabulatedQuantiles,
 )
 from sma_bayes.studies.card.specimen import Loaded, Size, kelvin, loaded, modulus_of, size_of
-from sma_bayes.studies.card.stiffness import TabulatedStiffness, tabulated
+from sma_bayes.studies.card.stiffness import tabulated
 from sma_bayes.studies.identity import fit_identity, of_fit
 from sma_bayes.studies.run_context import RunContext
 from sma_bayes.studies.study_step import Checks, FromFitTable, StudyStep
@@ -206,7 +206,7 @@ def _handed_on(run: StoredRun, asked: _Asked, folder: Path | None, work: RunCont
         adequate=all(r.adequate for r in records),
         constitutive=None if made is None else made.stated,
         no_constitutive=why_not,
-        stiffness=tuple(_stated_table(t) for t in tables),
+        stiffness=tuple(map(StiffnessTable.about, tables)),
         no_stiffness=no_table,
         cautions=tuple(_cautions(made, tables)),
     )
@@ -378,28 +378,17 @@ def _curve_columns(
 
 def _stiffness(
     records: Sequence[RecordSummary], read: Read, points: int
-) -> tuple[list[TabulatedStiffness], str]:
+) -> tuple[list[TabulatedQuantiles], str]:
     able = [r for r in records if "stiffness" in r.quantities and r.quantities_of_branch]
     if not able:
         if any("stiffness" in r.quantities for r in records):
             return [], "the priors decide the stiffness, so that the fit gives none"
         return [], "no stiffness follows: force and displacement were not both measured where they change"
-    tables = [tabulated(read(r), points) for r in able]
-    whole = [t for t in tables if np.isfinite(t.values).all() and np.isfinite(t.error)]
+    whole = [t for r in able if (t := tabulated(read(r), points)) is not None]
     return whole, "" if whole else "the stiffness is not finite over the measured temperatures"
 
 
-def _stated_table(t: TabulatedStiffness) -> StiffnessTable:
-    return StiffnessTable.about(
-        t,
-        first=float(t.temperature[0]),
-        points=t.temperature.size,
-        interpolation_error=t.error,
-        relative_error=t.relative,
-    )
-
-
-def _cautions(made: _Made | None, tables: Sequence[TabulatedStiffness]) -> list[str]:
+def _cautions(made: _Made | None, tables: Sequence[TabulatedQuantiles]) -> list[str]:
     out = []
     if made is not None:
         stated = made.stated
@@ -422,11 +411,11 @@ def _cautions(made: _Made | None, tables: Sequence[TabulatedStiffness]) -> list[
             )
         if stated.left_out:
             out.append(f"Left out: {', '.join(f'{k} ({w})' for k, w in stated.left_out.items())}.")
-    coarse = [t for t in tables if t.relative > COARSE]
+    coarse = [t for t in tables if t.relative_error > COARSE]
     if coarse:
-        worst_table = max(coarse, key=lambda t: t.relative)
+        worst_table = max(coarse, key=lambda t: t.relative_error)
         out.append(
-            f"Linear interpolation errs by up to {worst_table.relative:.1%} of the stiffness in "
+            f"Linear interpolation errs by up to {worst_table.relative_error:.1%} of the stiffness in "
             f"{worst_table.condition}, {worst_table.branch}: take more --points."
         )
     out += list(dict.fromkeys(f"{t.condition}: {t.caution}." for t in tables if t.caution))
@@ -434,7 +423,7 @@ def _cautions(made: _Made | None, tables: Sequence[TabulatedStiffness]) -> list[
 
 
 def _write(
-    folder: Path, made: _Made | None, tables: Sequence[TabulatedStiffness], campaign: str, checksum: str
+    folder: Path, made: _Made | None, tables: Sequence[TabulatedQuantiles], campaign: str, checksum: str
 ) -> None:
     if made is not None:
         constants = made.law.constants
@@ -452,36 +441,27 @@ def _write(
         write_text(folder / "stiffness.h", stiffness_header(tables, campaign, checksum))
 
 
-def _table_columns(tables: Sequence[TabulatedStiffness]) -> dict[str, Sequence[object] | Floats]:
+def _table_columns(tables: Sequence[TabulatedQuantiles]) -> dict[str, Sequence[object] | Floats]:
     return {
         "condition": [t.condition for t in tables for _ in t.temperature],
         "branch": [t.branch for t in tables for _ in t.temperature],
         "temperature": np.concatenate([t.temperature for t in tables]),
         "temperature_unit": [t.temperature_unit for t in tables for _ in t.temperature],
         **{
-            name: np.concatenate([t.values[i] for t in tables])
-            for i, name in enumerate(("stiffness_q05", "stiffness_median", "stiffness_q95"))
+            f"stiffness_{q}": np.concatenate([getattr(t, q) for t in tables])
+            for q in ("q05", "median", "q95")
         },
         "stiffness_unit": [t.unit for t in tables for _ in t.temperature],
     }
 
 
-def _table_document(tables: Sequence[TabulatedStiffness], campaign: str, checksum: str) -> StiffnessTables:
+def _table_document(tables: Sequence[TabulatedQuantiles], campaign: str, checksum: str) -> StiffnessTables:
     return StiffnessTables(
         schema="sma-bayes/stiffness-table/1",
         campaign=campaign,
         fit_sha256=checksum,
         interpolation="linear",
-        tables=tuple(
-            TabulatedQuantiles(
-                **_stated_table(t).as_json(),
-                temperature=tuple(t.temperature.tolist()),
-                q05=tuple(t.values[0].tolist()),
-                median=tuple(t.values[1].tolist()),
-                q95=tuple(t.values[2].tolist()),
-            )
-            for t in tables
-        ),
+        tables=tuple(tables),
     )
 
 

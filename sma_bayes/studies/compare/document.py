@@ -24,7 +24,6 @@ from sma_bayes.studies.compare.schema import (
     Overall,
     OverallAverages,
     OverallModel,
-    StatedDifference,
     StatedDraws,
     StatedFolds,
     StatedParameter,
@@ -128,7 +127,7 @@ def _numbers(comparison: Comparison, found: FittedContender) -> dict[str, Any]:
         "evidences_agree": found.evidences_agree,
         "elpd_held_out": float(folds.sum()),
         "elpd_by_fold": folds.tolist(),
-        "behind_preferred": StatedDifference.about(difference(folds, preferred)),
+        "behind_preferred": difference(folds, preferred),
         "draws": StatedDraws(
             method=found.draws.method, effective=found.draws.effective, pareto_k=found.draws.k
         ),
@@ -198,7 +197,7 @@ def _overall(channel: str, unit: str, group: Sequence[Comparison]) -> Overall:
             s.name: OverallModel.about(
                 s,
                 elpd_held_out=float(s.folds.sum()),
-                behind_preferred=StatedDifference.about(difference(s.folds, best.folds)),
+                behind_preferred=difference(s.folds, best.folds),
                 correlation_average=_averages(s.name, group),
             )
             for s in standings

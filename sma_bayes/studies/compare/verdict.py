@@ -23,7 +23,7 @@ import numpy as np
 from scipy.stats import t as student_t
 
 from sma_bayes.arrays import Floats
-from sma_bayes.studies.compare.schema import StatedVerdict
+from sma_bayes.studies.compare.schema import StatedDifference, StatedVerdict
 
 CANNOT_TELL: Final = "cannot tell"
 DECISIVE: Final = float(np.log(20.0))
@@ -59,31 +59,15 @@ class Standing:
     folds: Floats
 
 
-@dataclass(frozen=True, slots=True)
-class Difference:
-    """Held-out log density of one model over that of another.
-
-    Attributes
-    ----------
-    value, se, low, high : float
-        Sum over the folds, its standard error from their scatter, and its interval by Student's t.
-    """
-
-    value: float
-    se: float
-    low: float
-    high: float
-
-
-def difference(one: Floats, other: Floats) -> Difference:
-    """Held-out difference of two models (B,), each."""
+def difference(one: Floats, other: Floats) -> StatedDifference:
+    """Held-out difference of two models (B,), each; its error from the scatter of the folds, by Student's t."""
     d = one - other
     value, b = float(d.sum()), d.size
     if b < 2:
-        return Difference(value, np.inf, -np.inf, np.inf)
+        return StatedDifference(value=value, se=None, low=None, high=None)
     se = float(np.sqrt(b) * d.std(ddof=1))
     reach = float(student_t.ppf(0.5 + 0.5 * LEVEL, b - 1)) * se
-    return Difference(value, se, value - reach, value + reach)
+    return StatedDifference(value=value, se=se, low=value - reach, high=value + reach)
 
 
 def judge(standings: Sequence[Standing]) -> StatedVerdict:
@@ -135,9 +119,10 @@ def _reason(
         behind = f"the evidence prefers {best.name} by ln {factor:.1f}, but {worst.name} predicts better"
         return f"{behind} what was held out, by {-difference(best.folds, worst.folds).value:.1f}", False
     gained = difference(best.folds, rival.folds)
+    low, high = (-np.inf, np.inf) if gained.low is None or gained.high is None else (gained.low, gained.high)
     return (
         f"ln Bayes factor of {best.name} over {rival.name} is {factor:.1f}; held out, its log density is greater by "
-        f"{gained.value:.1f} ({gained.low:.1f} to {gained.high:.1f})"
+        f"{gained.value:.1f} ({low:.1f} to {high:.1f})"
     ), True
 
 
@@ -154,7 +139,7 @@ def _ahead(one: Standing, other: Standing) -> bool:
 def _lead(one: Standing, other: Standing) -> float:
     """Held-out difference in its standard errors; nought where there are too few folds for one."""
     d = difference(one.folds, other.folds)
-    return d.value / d.se if 0.0 < d.se < np.inf else 0.0
+    return d.value / d.se if d.se else 0.0
 
 
 def _probability(best: Standing, voting: Sequence[Standing]) -> float:

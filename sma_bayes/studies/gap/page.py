@@ -27,15 +27,8 @@ def page_words(study: StoredStudy, tables: Mapping[str, Table]) -> dict[str, Any
     """What the page of a gap study names, besides what was found and its tables."""
     found = study.found
     return {
-        "effects": study.effects,
+        **_of_model(study, found),
         "p_text": p_text,
-        "way": way_text(found.gap),
-        "share": share_text(found.gap),
-        "place": place_text(found),
-        "remainder": remainder_text(found),
-        "shape": shape_text(found),
-        "folds": fold_texts(found.gap),
-        "periodic": [periodic_text(found.channels, line) for line in found.periodic],
         "parameters": lambda name: _parameters(tables["effects"], name),
         "tested": _tested(tables["candidates"]),
         "heating": None if study.heating is None else _heating(study.heating, tables),
@@ -45,11 +38,9 @@ def page_words(study: StoredStudy, tables: Mapping[str, Table]) -> dict[str, Any
     }
 
 
-def _heating(study: StoredStudy, tables: Mapping[str, Table]) -> dict[str, Any]:
-    """What the page tells of the heat balance."""
-    found = study.part
+def _of_model(study: StoredStudy, found: GapOfModel) -> dict[str, Any]:
+    """What it tells alike of the response and of the heat balance."""
     return {
-        "found": found,
         "effects": study.effects,
         "way": way_text(found.gap),
         "share": share_text(found.gap),
@@ -58,6 +49,14 @@ def _heating(study: StoredStudy, tables: Mapping[str, Table]) -> dict[str, Any]:
         "shape": shape_text(found),
         "folds": fold_texts(found.gap),
         "periodic": [periodic_text(found.channels, line) for line in found.periodic],
+    }
+
+
+def _heating(study: StoredStudy, tables: Mapping[str, Table]) -> dict[str, Any]:
+    """What the page tells of the heat balance."""
+    return {
+        **_of_model(study, study.part),
+        "found": study.part,
         "parameters": {e.id: _parameters(tables[f"{HEATING}-effects"], e.id) for e in study.effects},
         "tested": _tested(tables[f"{HEATING}-candidates"]),
     }

@@ -8,7 +8,7 @@ from typing import Final
 
 from sma_bayes.report.content import INTERVAL, Number
 from sma_bayes.report.notation import unit_label
-from sma_bayes.report.tables import OF_ROW, Column, Table, table_of
+from sma_bayes.report.tables import OF_ROW, Column, Table, table_of, words
 from sma_bayes.runs.schema import IntervalDocument
 from sma_bayes.studies.gap.outcome import HEATING
 from sma_bayes.studies.gap.outputs import StoredStudy
@@ -109,9 +109,7 @@ def heat_balance_table(heating: HeatingFindings) -> Table:
         "current changes: 1 where each reading holds until the next, 0 where it holds since the last; scatter, its "
         "standard deviation from switching to switching, in steps.",
         (
-            Column("parameter", "parameter"),
-            Column("meaning", "meaning"),
-            Column("unit", "unit"),
+            *words("parameter", "meaning", "unit"),
             Column("5 %", "q05", OF_ROW),
             Column("median", "median", OF_ROW),
             Column("95 %", "q95", OF_ROW),
@@ -140,10 +138,7 @@ def disagreement_table(study: StoredStudy) -> Table:
         "Measured: on average above or below the model.",
         (
             Column("rank", "number", "1"),
-            Column("condition", "condition"),
-            Column("branch", "branch"),
-            Column("channel", "channel"),
-            Column("covariate", "covariate"),
+            *words("condition", "branch", "channel", "covariate"),
             Column("from", "from", OF_ROW),
             Column("to", "to", OF_ROW),
             Column("unit", "unit"),

@@ -180,35 +180,22 @@ def alone_with(hypothesis: Hypothesis, history: int, new: History) -> Hypothesis
     return replace(hypothesis, histories=(new,), layout=(hypothesis.layout[history],))
 
 
-@dataclass(frozen=True, slots=True)
-class Discrimination:
-    """How well new measurements tell two explanations apart.
+def told_apart(first: Prospect, second: Prospect, threshold: float) -> dict[str, float]:
+    """How well two explanations are told apart by measurements of which they expect this and that.
 
-    Attributes
-    ----------
-    separation : float
-        Root mean square over draws of both of ``d' S^-1 d``, d the distance from what the other expects [sd of noise].
-    if_first, if_second : float
-        Probability that ln Bayes factors reach the threshold for the explanation that is true.
+    Returns
+    -------
+    dict
+        ``separation``: root mean square over draws of both of ``d' S^-1 d``, d the distance from what the other expects
+        [sd of noise]. ``if_first``, ``if_second``: probability that ln Bayes factors reach the threshold for the
+        explanation that is true; ``probability``: of both in equal parts.
     """
-
-    separation: float
-    if_first: float
-    if_second: float
-
-    @property
-    def probability(self) -> float:
-        """Of both in equal parts."""
-        return 0.5 * (self.if_first + self.if_second)
-
-
-def told_apart(first: Prospect, second: Prospect, threshold: float) -> Discrimination:
-    """How well two explanations are told apart by measurements of which they expect this and that."""
     probability, squared = zip(
         *(chances(a, b, threshold) for a, b in ((first, second), (second, first))), strict=True
     )
     apart = float(np.sqrt(np.mean([np.mean(s) for s in squared])))
-    return Discrimination(apart, float(np.mean(probability[0])), float(np.mean(probability[1])))
+    one, two = (float(np.mean(p)) for p in probability)
+    return {"separation": apart, "probability": 0.5 * (one + two), "if_first": one, "if_second": two}
 
 
 def chances(truth: Prospect, rival: Prospect, threshold: float) -> tuple[Floats, Floats]:

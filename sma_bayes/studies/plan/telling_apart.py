@@ -16,7 +16,7 @@ from sma_bayes.records.types import Campaign
 from sma_bayes.runs.declared_units import declared_parts
 from sma_bayes.studies.gap.schema import GapDocument
 from sma_bayes.studies.identity import of_fit
-from sma_bayes.studies.plan.apart import Discrimination, Prospect, further, told_apart
+from sma_bayes.studies.plan.apart import Prospect, further, told_apart
 from sma_bayes.studies.plan.asked import TELL_APART
 from sma_bayes.studies.plan.candidates import (
     CandidateExperiment,
@@ -45,7 +45,7 @@ MORE: Final = 0.02
 CONDITIONS: Final = 3
 """Conditions of which candidates are made, at most, where none is named."""
 
-Judged = tuple[CandidateExperiment, Sequence[Discrimination]]
+Judged = tuple[CandidateExperiment, Sequence[TellingApart]]
 
 
 def planned_apart(
@@ -83,7 +83,7 @@ def planned_apart(
     undecided = [i for i, pair in enumerate(rivals.pairs) if not _apart(rivals, pair)]
     looked_at = undecided or list(range(len(rivals.pairs)))
 
-    def likely(found: Sequence[Discrimination]) -> float:
+    def likely(found: Sequence[TellingApart]) -> float:
         return min(found[i].probability for i in looked_at)
 
     if o.candidates is None:
@@ -111,8 +111,7 @@ def planned_apart(
             for a, b in rivals.pairs
         ),
         candidates=tuple(
-            _candidate(n, c, told, rivals, likely(told), o.hours, settings)
-            for n, (c, told) in enumerate(judged, 1)
+            _candidate(n, c, told, likely(told), o.hours, settings) for n, (c, told) in enumerate(judged, 1)
         ),
         design=None,
         advice="",
@@ -122,14 +121,21 @@ def planned_apart(
     return with_advice(found, folder)
 
 
-def discriminations(rivals: RivalExplanations, candidate: CandidateExperiment) -> list[Discrimination]:
+def discriminations(rivals: RivalExplanations, candidate: CandidateExperiment) -> list[TellingApart]:
     """How well a candidate tells each pair apart."""
     history = list(conditions_of(rivals)).index(candidate.condition)
     like = rivals.explanations[0].fitted.hypothesis.histories[history]
     new = further(candidate, like)
     with np.errstate(all="ignore"):
         prospects = [Prospect.of(e, history, new) for e in rivals.explanations]
-        return [told_apart(prospects[a], prospects[b], THRESHOLD) for a, b in rivals.pairs]
+        return [
+            TellingApart(
+                first=rivals.explanations[a].name,
+                second=rivals.explanations[b].name,
+                **told_apart(prospects[a], prospects[b], THRESHOLD),
+            )
+            for a, b in rivals.pairs
+        ]
 
 
 def _place(candidate: CandidateExperiment, probability: float) -> tuple[bool, float, int]:
@@ -148,7 +154,7 @@ def without_needless(judged: Sequence[Judged], settings: Mapping[str, Setting]) 
     def same(c: CandidateExperiment) -> tuple[object, ...]:
         return c.condition, c.lowest, c.peak, c.cycles, c.samples
 
-    usual: dict[tuple[object, ...], list[Sequence[Discrimination]]] = {}
+    usual: dict[tuple[object, ...], list[Sequence[TellingApart]]] = {}
     for candidate, found in judged:
         if plain(candidate):
             usual.setdefault(same(candidate), []).append(found)
@@ -207,13 +213,11 @@ def _grid(s: Setting, setup: float, rate: float | None) -> list[CandidateExperim
 def _candidate(
     rank: int,
     c: CandidateExperiment,
-    told: Sequence[Discrimination],
-    rivals: RivalExplanations,
+    told: Sequence[TellingApart],
     probability: float,
     hours: float | None,
     settings: Mapping[str, Setting],
 ) -> PlannedCandidate:
-    names = [e.name for e in rivals.explanations]
     return planned(
         rank,
         c,
@@ -221,10 +225,7 @@ def _candidate(
         branches=("heating", "cooling"),
         other_load=c.load != settings[c.condition].load,
         probability=probability,
-        pairs=[
-            TellingApart.about(d, first=names[a], second=names[b])
-            for (a, b), d in zip(rivals.pairs, told, strict=True)
-        ],
+        pairs=told,
     )
 
 

@@ -28,8 +28,8 @@ def test_without_freedom_it_is_the_formula_of_two_points() -> None:
         mean[0] = distance
         pair = (_prospect(rng, np.zeros(N), none), _prospect(rng, mean, none))
         found = told_apart(*pair, C)
-        assert found.separation == pytest.approx(distance)
-        assert found.probability == pytest.approx(norm.cdf((distance**2 / 2 - C) / distance))
+        assert found["separation"] == pytest.approx(distance)
+        assert found["probability"] == pytest.approx(norm.cdf((distance**2 / 2 - C) / distance))
 
 
 def test_what_the_rival_can_adapt_to_is_no_separation() -> None:
