@@ -113,7 +113,7 @@ def operation_figure(stem: str, numbers: str, found: Sequence[Operation]) -> Dra
     found : sequence of Operation
     """
     figure = empty_sheet(8.4, 3.3)
-    axes = panels(figure, 1, 2, left=0.75, right=0.15, bottom=0.85, top=0.3, gap_x=0.85)[0]
+    axes = panels(figure, 1, 2, left=0.75, bottom=0.85, top=0.3, gap_x=0.85)[0]
     settings = list(dict.fromkeys(o.setting for o in found))
     colours = dict(zip(settings, colormaps["viridis"](np.linspace(0.0, 0.8, len(settings))), strict=True))
     rows: list[tuple[Any, ...]] = []
@@ -162,7 +162,7 @@ def duty_cycle_figure(points: Sequence[Mapping[str, float]], error: Mapping[str,
         Half the 90 % interval of one test, of ``stiffness_min`` and ``stiffness_max`` [N/m].
     """
     figure = empty_sheet(5.2, 3.2)
-    ax = panels(figure, 1, 1, left=0.75, right=0.15, bottom=0.85, top=0.3)[0][0]
+    ax = panels(figure, 1, 1, left=0.75, bottom=0.85, top=0.3)[0][0]
     colours = colormaps["viridis"](np.linspace(0.0, 0.8, len(points)))
     rows = []
     for p, colour in zip(points, colours, strict=True):
@@ -411,7 +411,7 @@ def extremes_figure(entries: Sequence[ReproducedEntry]) -> Drawing:
     names = list(dict.fromkeys(e.condition for e, _ in chosen))
     left = label_width(names)
     figure = empty_sheet(left + 5.4, 0.95 + 0.22 * len(names))
-    axes = panels(figure, 1, 2, left=left, right=0.15, bottom=0.7, top=0.3, gap_x=0.25)[0]
+    axes = panels(figure, 1, 2, left=left, bottom=0.7, top=0.3, gap_x=0.25)[0]
     for ax, kind in zip(axes, kinds, strict=True):
         for e, found in ((e, found) for e, found in chosen if e.quantity == kind):
             place = names.index(e.condition)

@@ -64,7 +64,7 @@ def phase_figure(stored: StoredCard) -> Drawing:
     """Stress against transformation temperature: sweeps, and the boundaries of the law with 90 % bands."""
     card, draws = _card(stored), _draws(stored)
     figure = empty_sheet(5.6, 3.9)
-    ax = panels(figure, 1, 1, left=0.65, right=0.15, bottom=0.85, top=0.4)[0, 0]
+    ax = panels(figure, 1, 1, left=0.65, bottom=0.85, top=0.4)[0, 0]
     stress = np.linspace(0.0, 1.1 * max(card.stresses), _STRESSES)
     data: dict[str, Any] = {"stress_MPa": stress}
     for name in ("Mf", "Ms", "As", "Af"):
@@ -114,7 +114,7 @@ def strain_figure(stored: StoredCard) -> Drawing:
     card, draws = _card(stored), _draws(stored)
     point = {c.name: np.asarray(c.value) for c in card.constants}
     figure = empty_sheet(5.2, 3.3)
-    ax = panels(figure, 1, 1, left=0.75, right=0.15, bottom=0.8, top=0.4)[0, 0]
+    ax = panels(figure, 1, 1, left=0.75, bottom=0.8, top=0.4)[0, 0]
     stress = np.linspace(0.0, 1.1 * max(card.stresses), _STRESSES)
     middle = transformation_strain(stress, point["H_min"], point["H_max"], point["k"])
     drawn = np.stack([
@@ -163,7 +163,7 @@ def curves_figure(stored: StoredCard) -> Drawing:
     rows = math.ceil(len(ids) / 2)
     across = min(2, len(ids))
     figure = empty_sheet(3.6 * across + 0.2, 1.0 + 2.0 * rows)
-    axes = panels(figure, rows, across, left=0.75, right=0.15, bottom=0.85, top=0.5, gap_x=0.65, gap_y=0.55)
+    axes = panels(figure, rows, across, left=0.75, bottom=0.85, top=0.5, gap_x=0.65, gap_y=0.55)
     for ax, name in zip(axes.flat, ids, strict=False):
         for b, colour in COLOURS.items():
             own = (condition == name) & (branch == b)
@@ -220,7 +220,7 @@ def stiffness_figure(stored: StoredCard, condition: str) -> Drawing:
     temperature = degrees.values(temperature)
     low, middle, high = (unit.values(v) for v in (low, middle, high))
     figure = empty_sheet(5.2, 3.3)
-    ax = panels(figure, 1, 1, left=0.75, right=0.15, bottom=0.8, top=0.4)[0, 0]
+    ax = panels(figure, 1, 1, left=0.75, bottom=0.8, top=0.4)[0, 0]
     for b, colour in COLOURS.items():
         at = branch == b
         ax.fill_between(temperature[at], low[at], high[at], color=colour, alpha=0.25, linewidth=0.0)

@@ -17,7 +17,7 @@ def model_average_figure(stored: StoredComparison) -> Drawing:
     models = drawn_order(dict.fromkeys(name for name, _ in found))
     left = label_width(short(n) for n in models)
     figure = empty_sheet(left + max(2.7 * len(channels), 4.5) + 0.15, 1.15 + 0.26 * len(models))
-    axes = panels(figure, 1, len(channels), left=left, right=0.15, bottom=0.75, top=0.35, gap_x=0.25)[0]
+    axes = panels(figure, 1, len(channels), left=left, bottom=0.75, top=0.35, gap_x=0.25)[0]
     for ax, channel in zip(axes, channels, strict=True):
         marks = [
             Mark(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any, Final
 
 import numpy as np
@@ -189,8 +189,7 @@ def _counts(record: ComparedRecord, name: str) -> bool:
     return not model.same_as and not model.unavailable
 
 
-def _differences(ax: Axes, record: ComparedRecord, names: list[str]) -> list[tuple[Any, ...]]:
-    rows: list[tuple[Any, ...]] = []
+def _differences(ax: Axes, record: ComparedRecord, names: list[str]) -> Iterator[tuple[Any, ...]]:
     for place, name in enumerate(names):
         d = record.models[name].behind_preferred
         if d is None:
@@ -199,11 +198,10 @@ def _differences(ax: Axes, record: ComparedRecord, names: list[str]) -> list[tup
         low, high = (d.value if v is None else v for v in (d.low, d.high))
         ax.plot([low, high], [place, place], color=colour, lw=1.4)
         ax.plot(d.value, place, "o", ms=4, color=colour)
-        rows.append((record.key, name, d.value, d.low, d.high))
+        yield (record.key, name, d.value, d.low, d.high)
     ax.axvline(0.0, color=INK, lw=0.6)
     ax.set_xscale("symlog", linthresh=TURN)
     ax.set_yticks(range(len(names)), [short(n) for n in names])
     ax.set_ylim(len(names) - 0.4, -0.6)
     ax.yaxis.set_label_coords(-0.1, 0.5)
     ax.set_title(f"{record.condition}-{record.branch}, {record.quantity}: {record.verdict}")
-    return rows

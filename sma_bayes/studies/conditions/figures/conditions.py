@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -78,7 +78,7 @@ def measured_figure(stored: StoredConditions, number: int) -> Drawing:
     left = label_width(ids)
     columns = 2 if stiff else 1
     figure = empty_sheet(left + max(2.9 * columns, 4.2) + 0.35, 1.25 + 0.34 * len(ids))
-    axes = panels(figure, 1, columns, left=left, right=0.15, bottom=0.75, top=0.45, gap_x=0.3)[0]
+    axes = panels(figure, 1, columns, left=left, bottom=0.75, top=0.45, gap_x=0.3)[0]
     rows: list[tuple[Any, ...]] = []
     for ax in axes:
         name_rows(ax, ids, labelled=ax is axes[0])
@@ -235,8 +235,7 @@ def _label(e: StatedEffect, specimen: bool) -> str:
     return f"{named(e.feature)}{of}"
 
 
-def _effects(ax: Axes, part: Sequence[StatedEffect], specimen: bool) -> list[tuple[Any, ...]]:
-    rows = []
+def _effects(ax: Axes, part: Sequence[StatedEffect], specimen: bool) -> Iterator[tuple[Any, ...]]:
     factor = part[0].kind == "factor"
     ax.axvline(1.0 if factor else 0.0, color=INK, lw=0.6, zorder=0)
     for place, e in enumerate(part):
@@ -246,7 +245,7 @@ def _effects(ax: Axes, part: Sequence[StatedEffect], specimen: bool) -> list[tup
         ax.plot(beyond[1], place, "o", ms=3.4, mfc="white", mec=colour, mew=0.8, zorder=5)
         ax.plot([low, high], [place, place], color=colour, lw=3.2, solid_capstyle="butt", alpha=0.8)
         ax.plot(median, place, "|", ms=9, mew=1.6, color=colour)
-        rows.append((e.feature, e.branch, e.channel, e.kind, e.unit, low, median, high, *beyond))
+        yield (e.feature, e.branch, e.channel, e.kind, e.unit, low, median, high, *beyond)
     name_rows(ax, [_label(e, specimen) for e in part], labelled=True)
     units = sorted({unit_label(e.unit) for e in part if e.unit != "1"})
     ax.set_xlabel("factor [1]" if factor else f"difference [{' or '.join(units) or '1'}]")
@@ -254,7 +253,6 @@ def _effects(ax: Axes, part: Sequence[StatedEffect], specimen: bool) -> list[tup
         _logarithmic(ax, ax.xaxis)
     else:
         ax.xaxis.set_major_locator(few_ticks(6))
-    return rows
 
 
 def _ends(found: IntervalDocument | None) -> tuple[float, float, float]:
@@ -360,9 +358,7 @@ def _channels_and_branches(places: Iterable[tuple[str, str]]) -> tuple[list[str]
 
 def _grid(channels: Sequence[str], branches: Sequence[str]) -> tuple[Any, Any]:
     figure = empty_sheet(0.95 + 2.9 * len(branches) + 0.75 * (len(branches) - 1), 1.15 + 2.1 * len(channels))
-    axes = panels(
-        figure, len(channels), len(branches), left=0.8, right=0.15, bottom=0.8, top=0.5, gap_x=0.75, gap_y=0.3
-    )
+    axes = panels(figure, len(channels), len(branches), left=0.8, bottom=0.8, top=0.5, gap_x=0.75, gap_y=0.3)
     for row in axes[:-1]:
         for ax in row:
             ax.set_xticklabels([])

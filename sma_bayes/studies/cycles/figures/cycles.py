@@ -46,15 +46,7 @@ def curves_figure(stored: StoredCycles, number: int) -> Drawing:
     branches = list(dict.fromkeys(c.branch for c in one.curves))
     figure = empty_sheet(0.9 + 3.0 * len(branches), 1.0 + 2.45 * len(channels))
     axes = panels(
-        figure,
-        len(channels),
-        len(branches),
-        left=0.75,
-        right=0.15,
-        bottom=0.5,
-        top=0.75,
-        gap_x=0.75,
-        gap_y=0.65,
+        figure, len(channels), len(branches), left=0.75, bottom=0.5, top=0.75, gap_x=0.75, gap_y=0.65
     )
     data: dict[str, list[Any]] = {
         k: [] for k in ("branch", "channel", "cycle", "temperature", "q05", "q50", "q95")

@@ -32,7 +32,7 @@ def average_figure(content: Content) -> Drawing:
     names = [f"{branch}, {rule}" for branch, rule in labels]
     left = label_width(names)
     figure = empty_sheet(left + max(2.7 * len(channels), 4.5) + 0.15, 1.15 + 0.24 * len(names))
-    axes = panels(figure, 1, len(channels), left=left, right=0.15, bottom=0.75, top=0.35, gap_x=0.25)[0]
+    axes = panels(figure, 1, len(channels), left=left, bottom=0.75, top=0.35, gap_x=0.25)[0]
     for ax, (channel, name, unit) in zip(axes, channels, strict=True):
         marks = [
             Mark(

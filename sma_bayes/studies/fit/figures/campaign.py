@@ -281,7 +281,7 @@ def _list_sheet(
     keys = [r.key for r in records]
     left = label_width(keys)
     figure = empty_sheet(left + max(2.6 * columns, 4.5) + 0.1, bottom + 0.2 + 0.2 * len(keys) + top)
-    axes = panels(figure, 1, columns, left=left, right=0.15, bottom=bottom, top=top, gap_x=0.25)[0]
+    axes = panels(figure, 1, columns, left=left, bottom=bottom, top=top, gap_x=0.25)[0]
     for number, ax in enumerate(axes):
         _condition_axis(ax, keys, labelled=number == 0)
     return figure, axes

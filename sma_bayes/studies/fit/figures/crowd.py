@@ -39,7 +39,7 @@ def diagnostics_of_many(content: Content) -> Drawing:
         for r in content.records
     ]
     figure = empty_sheet(7.4, 2.7)
-    rhat, ess = panels(figure, 1, 2, left=0.65, right=0.15, bottom=0.75, top=0.35, gap_x=0.65)[0]
+    rhat, ess = panels(figure, 1, 2, left=0.65, bottom=0.75, top=0.35, gap_x=0.65)[0]
     _histogram(rhat, [(row[1], row[3]) for row in rows], TARGET.rhat)
     _histogram(ess, [(row[1], row[4]) for row in rows], TARGET.ess)
     rhat.set_title(f"Worst R-hat, at most {TARGET.rhat}")
@@ -73,7 +73,7 @@ def correlation_of_many(content: Content) -> Drawing:
     }
     found = {name: rows for name, rows in found.items() if rows}
     figure = empty_sheet(0.8 + 3.3 * max(len(found), 1), 2.7)
-    axes = panels(figure, 1, max(len(found), 1), left=0.65, right=0.15, bottom=0.75, top=0.35, gap_x=0.65)[0]
+    axes = panels(figure, 1, max(len(found), 1), left=0.65, bottom=0.75, top=0.35, gap_x=0.65)[0]
     for ax, (name, rows) in zip(axes, found.items(), strict=False):
         low = min(row[4] for row in rows if row[4] is not None)
         _histogram(ax, [(row[1], row[4]) for row in rows], PAPER_CORRELATION if low < 0.985 else None)

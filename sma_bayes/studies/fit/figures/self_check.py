@@ -29,7 +29,7 @@ def self_check_figure(folder: Path, record: RecordSummary, check: SelfCheckSumma
     n, wrong = len(u), {q.name for q in check.quantities if not q.uniform}
     half = band_half_width(n, len(names), check.false_alarm_rate)
     figure = empty_sheet(5.6, 3.0)
-    ax = panels(figure, 1, 1, left=0.62, right=0.15, bottom=0.72, top=0.42)[0][0]
+    ax = panels(figure, 1, 1, left=0.62, bottom=0.72, top=0.42)[0][0]
     ax.axhspan(-half, half, color="#e3e3e3", lw=0)
     ax.axhline(0.0, color=INK, lw=0.6)
     grid = np.linspace(0.0, 1.0, 201)

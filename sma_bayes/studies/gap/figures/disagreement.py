@@ -74,9 +74,7 @@ def residual_maps(study: StoredStudy) -> Drawing:
     left = 0.55 + 0.065 * max(len(name) for name, _ in _row_labels(rows))
     height = 1.3 + len(channels) * (tall + 0.4)
     figure = empty_sheet(left + 0.15 + max(2.0, 1.9 if count > 2 else 2.6) * count, height)
-    axes = panels(
-        figure, len(channels), count, left=left, right=0.15, bottom=1.0, top=0.3, gap_x=0.14, gap_y=0.4
-    )
+    axes = panels(figure, len(channels), count, left=left, bottom=1.0, top=0.3, gap_x=0.14, gap_y=0.4)
     for place, (line, channel) in enumerate(zip(axes, channels, strict=True), 1):
         for ax, (branch, state) in zip(line, [(b, s) for b in branches for s in states], strict=True):
             image = ax.pcolormesh(

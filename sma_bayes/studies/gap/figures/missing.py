@@ -206,7 +206,7 @@ def effect_figure(study: StoredStudy, effect: AddedEffect) -> Drawing:
     bottom = 0.52 + 0.17 * math.ceil(len(handles) / across)
     tall = TALL + bottom
     figure = empty_sheet(width, tall)
-    axes = panels(figure, 1, len(channels), left=0.7, right=0.15, bottom=bottom, top=0.68, gap_x=0.75)[0]
+    axes = panels(figure, 1, len(channels), left=0.7, bottom=bottom, top=0.68, gap_x=0.75)[0]
     rows: list[tuple[Any, ...]] = []
     for ax, channel, covariate in zip(axes, channels, covariates, strict=True):
         facts = study.part.channels.get(channel, NamedChannel(name=channel, symbol="", unit="1"))

@@ -51,7 +51,7 @@ def moduli_figure(stored: StoredModulus, number: int) -> Drawing:
     legend = 0.18 * -(-len(frequencies) // (4 * len(branches)))
     figure = empty_sheet(0.95 + 3.1 * len(branches), 1.15 + legend + 1.9 * len(channels))
     axes = panels(
-        figure, len(channels), len(branches), left=0.7, right=0.15, bottom=0.5, top=0.75 + legend, gap_x=0.75,
+        figure, len(channels), len(branches), left=0.7, bottom=0.5, top=0.75 + legend, gap_x=0.75,
         gap_y=0.5,
     )  # fmt: skip
     colours = dict(
@@ -122,7 +122,7 @@ def shift_figure(stored: StoredModulus) -> Drawing:
     shifts = [s for s in stored.found.shifts if s.shift is not None]
     names = list(dict.fromkeys(s.temperature for s in shifts))
     figure = empty_sheet(0.85 + 2.4 * len(names), 3.2)
-    axes = panels(figure, 1, len(names), left=0.7, right=0.15, bottom=0.5, top=0.75, gap_x=0.75, gap_y=0.5)
+    axes = panels(figure, 1, len(names), left=0.7, bottom=0.5, top=0.75, gap_x=0.75, gap_y=0.5)
     data: dict[str, list[Any]] = {
         k: [] for k in ("branch", "temperature", "sweep", "frequency", "value", "sd")
     }

@@ -39,7 +39,7 @@ def candidates_figure(stored: StoredPlan) -> Drawing:
     found = stored.found
     apart = found.kind == "tell-apart"
     figure = empty_sheet(6.8, 3.9)
-    ax: Axes = panels(figure, 1, 1, left=0.75, right=0.15, bottom=0.5, top=0.42)[0, 0]
+    ax: Axes = panels(figure, 1, 1, left=0.75, bottom=0.5, top=0.42)[0, 0]
     conditions = list(dict.fromkeys(c.condition for c in found.candidates))
     palette = [to_hex(colormaps["viridis"](x)) for x in np.linspace(0.0, 0.9, COLOURS)]
     step = max((COLOURS - 1) // max(min(len(conditions), COLOURS) - 1, 1), 1)

@@ -51,9 +51,7 @@ def powers_figure(stored: StoredSensitivity, record: RecordSensitivity) -> Drawi
     quantities, swept = reported(record), bool(record.left_out_sweeps)
     names = [q.name for q in quantities]
     figure = empty_sheet(7.8 if swept else 5.4, 1.35 + 0.17 * len(names))
-    axes = panels(
-        figure, 1, 2 if swept else 1, left=label_width(names), right=0.15, bottom=0.5, top=0.62, gap_x=0.5
-    )[0]
+    axes = panels(figure, 1, 2 if swept else 1, left=label_width(names), bottom=0.5, top=0.62, gap_x=0.5)[0]
     threshold = stored.found.thresholds.sensitivity
     _powers(axes[0], quantities, threshold)
     handles = [dot_handle(PRIOR, "prior"), dot_handle(INK, "likelihood", hollow=True)]
@@ -140,7 +138,7 @@ def readings_figure(stored: StoredSensitivity, record: RecordSensitivity) -> Dra
     influence = dict(zip(names, list(cells.values())[-len(record.quantities) :], strict=True))
     rows = max(1, math.ceil(len(quantities) / 2))
     figure = empty_sheet(7.2, 0.85 + 1.9 * rows)
-    axes = panels(figure, rows, 2, left=0.75, right=0.15, bottom=0.5, top=0.62, gap_x=0.7, gap_y=0.5)
+    axes = panels(figure, rows, 2, left=0.75, bottom=0.5, top=0.62, gap_x=0.7, gap_y=0.5)
     data: dict[str, Any] = {"channel": channel, "temperature": temperature}
     for ax, q in zip(axes.flat, quantities, strict=False):
         change = data[q.name] = floats(influence[q.name])

@@ -43,7 +43,7 @@ def course_figure(stored: StoredSimulation, condition: str) -> Drawing:
     channels = list(first.units)
     figure = empty_sheet(6.8, 1.35 + 0.62 + 1.35 * len(channels))
     axes = panels(
-        figure, 1 + len(channels), 1, left=0.75, right=0.15, bottom=0.75, top=0.35, gap_y=0.16,
+        figure, 1 + len(channels), 1, left=0.75, bottom=0.75, top=0.35, gap_y=0.16,
         tall=(0.5, *[1.0] * len(channels)),
     )[:, 0]  # fmt: skip
     time, current = (bands[first.file][name] for name in ("time_s", "current_A"))

@@ -36,7 +36,7 @@ def evidence_figure(stored: StoredWatch) -> Drawing:
     total = np.array([c.log10_e for c in found.cycles])
     needed = -float(np.log10(found.alpha))
     figure = empty_sheet(6.4, 3.0)
-    ax = panels(figure, 1, 1, left=0.75, right=0.2, bottom=0.5, top=0.55, gap_x=0.0, gap_y=0.0)[0][0]
+    ax = panels(figure, 1, 1, left=0.75, right=0.2, bottom=0.5, top=0.55)[0][0]
     share = np.log10(len(found.numbers))
     for n in found.numbers:
         ax.plot(cycle, np.array(n.log10_e) - share, color=COLOURS[n.branch], lw=0.6, alpha=0.45)
