@@ -114,8 +114,7 @@ def compare(
     options = FitOptions(prior_set(priors, model), seed, noise, pool, model=model)
     records = units_of(campaign, pool)
     check(records, options)
-    drawn = figures_for(figures)
-    work = RunContext(COMPARISON, jobs, drawn, progress or silent, account or Account())
+    work = RunContext(COMPARISON, jobs, figures_for(figures), progress or silent, account or Account())
     identity = {**run_identity(campaign, options), "kind": COMPARISON.verb}
     return work.execute(
         out, identity, resume, lambda folder: _compared(campaign, records, folder, options, work)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, ClassVar, Final
 
@@ -121,83 +120,62 @@ def study_conditions(
         )
     specimen = records[0].record.specimen
     asked = tuple(condition_at(a, specimen=specimen) if isinstance(a, str) else a for a in at)
-    question = _ConditionsQuestion(run, records, asked, tuple(leave_out), seed, scatter, wanted == AUTO_MODEL)
-    drawn = figures_for(figures)
-    work = RunContext(CONDITIONS, jobs, drawn, progress or silent, spent)
-    return work.execute(out, question.identity(), resume, lambda place: _studied(question, place, work))
+    chooses = wanted == AUTO_MODEL
+    question = {
+        "at": [repr(c) for c in asked],
+        "leave_out": list(leave_out),
+        "seed": seed,
+        "scatter": scatter,
+        "model": AUTO_MODEL if chooses else None,
+    }
+    work = RunContext(CONDITIONS, jobs, figures_for(figures), progress or silent, spent)
 
+    def find(place: Path | None) -> ConditionsFindings:
+        alike, choice, refitted = _of_one_model(run, records, work) if chooses else (records, None, [])
+        found = study(
+            alike, asked, leave_out, seed=seed, scatter=scatter, jobs=work.jobs, tell=work.tell,
+            account=work.account,
+        )  # fmt: skip
+        if place is not None:
+            with work.account.timed("write"):
+                _write(place, found, seed)
+        return ConditionsFindings(
+            schema="sma-bayes/conditions/1",
+            options=ConditionsOptions(
+                scatter=scatter,
+                at=tuple(text_of(c, specimen=specimen) for c in asked),
+                leave_out=tuple(leave_out),
+                model=AUTO_MODEL if chooses else None,
+            ),
+            model_choice=None if choice is None else ModelChoiceDocument.about(choice),
+            refitted=tuple(refitted),
+            **of_fit(run.summary, run.folder, seed),
+            specimen=specimen,
+            **declared_parts(run.summary.records),
+            **study_parts(found, specimen=specimen),
+        )
 
-@dataclass(frozen=True, slots=True, eq=False)
-class _ConditionsQuestion:
-    """What is asked of which fit."""
-
-    run: StoredRun
-    records: tuple[RecordDraws, ...]
-    asked: tuple[Condition, ...]
-    left_out: tuple[str, ...]
-    seed: int
-    scatter: float
-    chooses: bool
-    """Whether one model is to be chosen for all records."""
-
-    def identity(self) -> dict[str, Any]:
-        """What decides the numbers: what `run.json` holds, and what must agree for a study to be resumed."""
-        asked = {
-            "at": [repr(c) for c in self.asked],
-            "leave_out": list(self.left_out),
-            "seed": self.seed,
-            "scatter": self.scatter,
-            "model": AUTO_MODEL if self.chooses else None,
-        }
-        return fit_identity(CONDITIONS.verb, self.run.summary, asked)
-
-
-def _studied(question: _ConditionsQuestion, folder: Path | None, work: RunContext) -> ConditionsFindings:
-    q = question
-    specimen = q.records[0].record.specimen
-    records, choice, refitted = _of_one_model(q, work) if q.chooses else (q.records, None, [])
-    found = study(
-        records, q.asked, q.left_out, seed=q.seed, scatter=q.scatter, jobs=work.jobs, tell=work.tell,
-        account=work.account,
-    )  # fmt: skip
-    if folder is not None:
-        with work.account.timed("write"):
-            _write(folder, found, q.seed)
-    return ConditionsFindings(
-        schema="sma-bayes/conditions/1",
-        options=ConditionsOptions(
-            scatter=q.scatter,
-            at=tuple(text_of(c, specimen=specimen) for c in q.asked),
-            leave_out=q.left_out,
-            model=AUTO_MODEL if q.chooses else None,
-        ),
-        model_choice=None if choice is None else ModelChoiceDocument.about(choice),
-        refitted=tuple(refitted),
-        **of_fit(q.run.summary, q.run.folder, q.seed),
-        specimen=specimen,
-        **declared_parts(q.run.summary.records),
-        **study_parts(found, specimen=specimen),
-    )
+    return work.execute(out, fit_identity(CONDITIONS.verb, run.summary, question), resume, find)
 
 
 def _of_one_model(
-    question: _ConditionsQuestion, work: RunContext
+    run: StoredRun, records: Sequence[RecordDraws], work: RunContext
 ) -> tuple[tuple[RecordDraws, ...], ModelChoice, list[str]]:
     """Draws under the model that all records together support best, why, and the keys of those fitted again."""
-    q, summary = question, question.run.summary
-    work.tell(0, len(q.records), "choosing the model")
-    priors = parse_priors(q.run.priors, str(q.run.folder / "priors.toml"))
+    summary = run.summary
+    work.tell(0, len(records), "choosing the model")
+    priors = parse_priors(run.priors, str(run.folder / "priors.toml"))
     options = FitOptions(priors, summary.seed, summary.options.noise, model=AUTO_MODEL)
-    groups = [(r.record,) for r in q.records]
+    groups = [(r.record,) for r in records]
     options, choice = with_shared_model(groups, options, work.jobs, work.account)
     assert choice is not None  # the model was to be chosen
-    others = [r for r in q.records if r.posterior.model.name != choice.name]
+    others = [r for r in records if r.posterior.model.name != choice.name]
     tasks = [FitTask((r.record,), options, None) for r in others]
     again: dict[str, RecordDraws] = {}
     for fit in run_tasks(sample_task, tasks, work.jobs, account=work.account, stage="sample"):
         again[fit.records[0].key] = record_draws(fit)
         work.tell(len(again), len(others), f"fitted {fit.records[0].key} again")
-    return tuple(again.get(r.key, r) for r in q.records), choice, list(again)
+    return tuple(again.get(r.key, r) for r in records), choice, list(again)
 
 
 def _write(folder: Path, found: ConditionStudy, seed: int) -> None:

@@ -217,8 +217,7 @@ def fit_campaign(
         bias=bias,
         model=model,
     )
-    drawn = figures_for(figures)
-    work = RunContext(FIT, jobs, drawn, progress or silent, account or Account())
+    work = RunContext(FIT, jobs, figures_for(figures), progress or silent, account or Account())
     groups = groups_of(campaign, pool)
     replicates = replicates_asked(self_check)
     check_self_check(options, replicates)
