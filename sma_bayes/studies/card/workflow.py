@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
@@ -147,8 +147,7 @@ def card(
         draws,
         seed,
     )
-    drawn = figures_for(figures)
-    work = RunContext(CARD, None, drawn, progress or silent, account or Account())
+    work = RunContext(CARD, None, figures_for(figures), progress or silent, account or Account())
     with work.account.timed("read"):
         run = read_run(Path(folder))
     shared = any(r.shares_parameters_with for r in run.summary.records)
@@ -388,38 +387,36 @@ def _stiffness(
     return whole, "" if whole else "the stiffness is not finite over the measured temperatures"
 
 
-def _cautions(made: _Made | None, tables: Sequence[TabulatedQuantiles]) -> list[str]:
-    out = []
+def _cautions(made: _Made | None, tables: Sequence[TabulatedQuantiles]) -> Iterator[str]:
     if made is not None:
         stated = made.stated
         poor = [s for s in stated.sweeps if s.card > POOR]
         if poor:
             worst = max(poor, key=lambda s: s.card)
-            out.append(
+            yield (
                 f"The card misses the curve of {many(len(poor), 'sweep')} by more than {POOR:.0%} of its range, "
                 f"{worst.key} by {worst.card:.0%} (root mean square): one law does not hold for all of them."
             )
         short = [s.key for s in stated.sweeps if not s.finished]
         if short:
-            out.append(
+            yield (
                 f"The transformation was not finished within the measured temperatures: {', '.join(short)}."
             )
         held = [c.name for c in stated.constants if not c.identified and c.name != "sigma_crit"]
         if held:
-            out.append(
+            yield (
                 f"Not identified by the data, and held at what card.json states under `why`: {', '.join(held)}."
             )
         if stated.left_out:
-            out.append(f"Left out: {', '.join(f'{k} ({w})' for k, w in stated.left_out.items())}.")
+            yield f"Left out: {', '.join(f'{k} ({w})' for k, w in stated.left_out.items())}."
     coarse = [t for t in tables if t.relative_error > COARSE]
     if coarse:
         worst_table = max(coarse, key=lambda t: t.relative_error)
-        out.append(
+        yield (
             f"Linear interpolation errs by up to {worst_table.relative_error:.1%} of the stiffness in "
             f"{worst_table.condition}, {worst_table.branch}: take more --points."
         )
-    out += list(dict.fromkeys(f"{t.condition}: {t.caution}." for t in tables if t.caution))
-    return out
+    yield from list(dict.fromkeys(f"{t.condition}: {t.caution}." for t in tables if t.caution))
 
 
 def _write(

@@ -16,7 +16,7 @@ doi 10.1214/06-BA117A: half Student t for the scatter between few groups.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -137,7 +137,7 @@ def _came_about(design: Design, features: Sequence[Feature]) -> dict[str, Floats
 
 def _effects(
     design: Design, members: Sequence[Feature], along: Sequence[Confounder], rng: np.random.Generator
-) -> list[SettingEffect]:
+) -> Iterator[SettingEffect]:
     first = members[0]
     defined = [f.draws[np.isfinite(f.draws) & ((f.draws > 0.0) | (not f.on_log))] for f in members]
     lacking = {f.condition.id: 1.0 - d.size / f.draws.size for f, d in zip(members, defined, strict=True)}
@@ -147,12 +147,11 @@ def _effects(
     y = np.log(y) if first.on_log and usable else y
     tested = np.linalg.pinv(design.matrix) @ y if usable else None
     general = regression(design.matrix, y, rng) if usable and design.spare > 0 else None
-    out = []
     for place, setting in enumerate(design.varied, 1):
         aliased = design.aliased(setting)
         told = not aliased
         slope = general.slopes[:, place] if general is not None and told else None
-        out.append(SettingEffect(
+        yield (SettingEffect(
             feature=first.name, branch=first.branch, channel=first.channel, unit=first.unit,
             setting=setting, from_=float(design.low[place - 1]),
             to=float(design.low[place - 1] + design.range[place - 1]),
@@ -165,7 +164,6 @@ def _effects(
             aliased_with=aliased,
             confounders=tuple(c for c in along if c.setting == setting and c.other != first.name),
         ))  # fmt: skip
-    return out
 
 
 def _why(aliased: Sequence[str], lacking: Mapping[str, float], spare: int) -> str:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from sma_bayes.report.notation import unit_label
 from sma_bayes.studies.gap.flexible import SHAPE
@@ -71,20 +71,18 @@ def _about_sweeps(found: GapOfModel) -> list[str]:
     return []
 
 
-def _about_suspects(found: GapOfModel) -> list[str]:
+def _about_suspects(found: GapOfModel) -> Iterator[str]:
     """Records that are unlike the others of the same settings."""
-    out = []
     for condition in dict.fromkeys(s.condition for s in found.suspects):
         own = [s for s in found.suspects if s.condition == condition]
         told = ", ".join(
             f"{s.quantity} {s.value:.3g} {unit_label(s.unit)}".rstrip() + f" (others {s.others:.3g})"
             for s in own[:3]
         )
-        out.append(
+        yield (
             f"{condition} is a suspect record: {told}, {p_text(own[0].p_value)}. The recorded input is not what was "
             "applied, or the specimen changed."
         )
-    return out
 
 
 def _about_names(found: GapOfModel) -> list[str]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any, ClassVar, Final
@@ -169,8 +169,8 @@ def modulus(
             sweeps=sweeps,
             damping=damping,
             shifts=shifts,
-            by_frequency=_by_frequency(sweeps, told),
-            remarks=_remarks(campaign, sweeps, told, damping, shifts, degrees_of(declared)),
+            by_frequency=tuple(_by_frequency(sweeps, told)),
+            remarks=tuple(_remarks(campaign, sweeps, told, damping, shifts, degrees_of(declared))),
             findings=tuple(map(FindingDocument.about, campaign.findings)),
         )
 
@@ -325,8 +325,7 @@ def _shift(branch: str, name: str, points: Sequence[ShiftPoint], degrees: ShownU
     )
 
 
-def _by_frequency(sweeps: Sequence[ModulusSweep], at: Sequence[float]) -> tuple[ModulusByFrequency, ...]:
-    out = []
+def _by_frequency(sweeps: Sequence[ModulusSweep], at: Sequence[float]) -> Iterator[ModulusByFrequency]:
     for branch in dict.fromkeys(s.branch for s in sweeps):
         own = _by_rising_frequency(sweeps, branch)
         if len({frequency for frequency, _ in own}) < 2:
@@ -338,7 +337,7 @@ def _by_frequency(sweeps: Sequence[ModulusSweep], at: Sequence[float]) -> tuple[
             x = np.log([frequency for frequency, _ in own])
             y, sd = np.array([(v.log_mean, v.log_sd) for v in values], dtype=float).T
             line = fit_line(x, y, sd, SCATTER_OF_MODULUS)
-            out.append(
+            yield (
                 ModulusByFrequency(
                     branch=branch,
                     at=t,
@@ -347,7 +346,6 @@ def _by_frequency(sweeps: Sequence[ModulusSweep], at: Sequence[float]) -> tuple[
                     probability_rises=line.probability_above(0.0),
                 )
             )
-    return tuple(out)
 
 
 def _remarks(
@@ -357,21 +355,20 @@ def _remarks(
     damping: Sequence[DeclaredDamping],
     shifts: Sequence[FrequencyShift],
     degrees: ShownUnit,
-) -> tuple[str, ...]:
-    out = []
+) -> Iterator[str]:
     for d in damping:
         if d.disagree:
             where = d.test if d.frequency is None else f"{d.test} at {d.frequency:g} Hz"
-            out.append(
+            yield (
                 f"{where}: declared tan delta and E''/E' disagree in {d.disagree} of {d.compared} rows, most in "
                 f"row {d.row}, by {d.greatest:.1%} of the greatest; the moduli are taken"
             )
     if any(s.loss_from_tan_delta for s in campaign.sweeps):
-        out.append("no loss modulus is declared: it is tan delta times the storage modulus")
+        yield "no loss modulus is declared: it is tan delta times the storage modulus"
     if any(s.frequency is None for s in sweeps):
-        out.append("a frequency is not stated: no shift follows from such sweeps; --frequency states it")
+        yield "a frequency is not stated: no shift follows from such sweeps; --frequency states it"
     for s in sweeps:
-        out += [
+        yield from [
             f"{s.id}: {degrees.value(t):.6g} {unit_text(degrees.shown)} is beyond the measured temperatures, what is "
             "told there is an extrapolation"
             for t in at if not s.temperature_from <= t <= s.temperature_to
@@ -379,15 +376,14 @@ def _remarks(
         for c in s.curves:
             which = f"{s.id}, {c.channel.replace('_', ' ')}"
             if c.computed:
-                out.append(f"{which}: {SENTENCES['exact'].format(what='it')}")
+                yield f"{which}: {SENTENCES['exact'].format(what='it')}"
             elif not c.converged:
-                out.append(f"{which}: not converged")
+                yield f"{which}: not converged"
     if any(x.shift is not None for x in shifts):
-        out.append(
+        yield (
             f"an activation energy here is that of an Arrhenius law, R = {GAS_CONSTANT:.4g} J/(mol K), that would give "
             "the same shift: an apparent number for a martensitic transformation, which is athermal"
         )
-    return tuple(out)
 
 
 class ModulusTable(DrawnTable):

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from itertools import product
 from pathlib import Path
@@ -361,7 +361,7 @@ def _combinations(table: CandidateTable) -> int:
 
 def _of_table(
     table: CandidateTable, s: Setting, setup: float, rate: float | None
-) -> list[CandidateExperiment]:
+) -> Iterator[CandidateExperiment]:
     degrees = s.temperature_unit
     lows = [asked_temperature(t, degrees, degrees) for t in _list(table.lowest)] or [s.lowest]
     peaks = [asked_temperature(t, degrees, degrees) for t in _list(table.peak)] or [s.hottest]
@@ -370,7 +370,6 @@ def _of_table(
     loads: list[float | None] = [_load(t, s) for t in _list(table.load)]
     loads = loads or [s.load]
     own = setup if table.setup is None else hours_of(table.setup, "setup")
-    out = []
     for low, peak, r, load, n in product(lows, peaks, rates, loads, _list(table.cycles)):
         if not peak > low:
             raise QuantityError(
@@ -379,10 +378,7 @@ def _of_table(
             )
         usual_samples = max(round(s.samples * (peak - low) / (s.hottest - s.lowest)), 2)
         for samples in _list(table.samples) or [usual_samples]:
-            out.append(
-                CandidateExperiment(s.condition, low, peak, r, load, n, max(samples, 2), own, table.name)
-            )
-    return out
+            yield (CandidateExperiment(s.condition, low, peak, r, load, n, max(samples, 2), own, table.name))
 
 
 def _load(text: str, s: Setting) -> float:

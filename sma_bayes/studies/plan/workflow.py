@@ -450,13 +450,12 @@ def remarks_on_discrepancies(draws: Iterable[RecordDraws]) -> list[str]:
 
 def _remarks(
     q: _FitQuestion, o: Options, targets: Sequence[PlanTarget], tried: Sequence[CandidateExperiment]
-) -> list[str]:
-    found = []
+) -> Iterator[str]:
     alone = [
         t.knowledge.draws.key for t in targets if all(not s.sweeps for s in t.knowledge.scatter.values())
     ]
     if alone:
-        found.append(
+        yield (
             f"one sweep only of {first_of(alone, 4)}: it does not tell by how much sweeps differ. "
             + (
                 "Sweeps are assumed to repeat but for noise, so that the expected gain may be too large; "
@@ -465,28 +464,27 @@ def _remarks(
                 else "The usual scatter of one specimen in one rig is assumed"
             )
         )
-    found += remarks_on_discrepancies(t.knowledge.draws for t in targets)
+    yield from remarks_on_discrepancies(t.knowledge.draws for t in targets)
     if len(alone) < len(targets):
-        found.append("scatter from sweep to sweep is learnt from the sweeps of each record")
-    found.append(
+        yield "scatter from sweep to sweep is learnt from the sweeps of each record"
+    yield (
         "a new set-up may differ from the old by more than sweeps differ from each other; "
         "only a repetition at the same settings tells by how much"
     )
     if len({c.rate for c in tried}) > 1:
-        found.append("the curves of a fit do not depend on the rate: whether a faster sweep still follows them, a gap "
+        yield ("the curves of a fit do not depend on the rate: whether a faster sweep still follows them, a gap "
                      "study of different rates tells")  # fmt: skip
     if not any("time" in d.record.inputs for d in q.draws):
-        found.append("no time was recorded: times on the rig follow from the rate that was given")
+        yield "no time was recorded: times on the rig follow from the rate that was given"
     if any(c.beyond for c in tried):
-        found.append(
+        yield (
             "candidates that go beyond what the campaign measured are marked: there the curve is extrapolated"
         )
     if any(t.knowledge.draws.calibration for t in targets):
-        found.append("further sweeps do not narrow what is uncertain in a calibration")
+        yield "further sweeps do not narrow what is uncertain in a calibration"
     if any(not r.adequate for r in q.chosen):
-        found.append("curve and noise do not describe all records (see the report of the fit): what is expected holds "
+        yield ("curve and noise do not describe all records (see the report of the fit): what is expected holds "
                      "as far as they do")  # fmt: skip
-    return found
 
 
 class PlanTable(DrawnTable):

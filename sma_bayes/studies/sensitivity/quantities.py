@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Final, Literal
 
@@ -92,20 +92,19 @@ def stated_temperatures(draws: RecordDraws) -> tuple[float, ...]:
     return tuple(float(f"{t:.4g}") for t in inner)
 
 
-def _parameters(draws: RecordDraws) -> list[QuantityDraws]:
+def _parameters(draws: RecordDraws) -> Iterator[QuantityDraws]:
     posterior = draws.posterior
     facts = {f.name: f for f in posterior.model.facts}
     noise = {int(i): c for c, at in posterior.layout[0].noise.items() for i in at}
     noise |= {i: c for c, i in posterior.layout[0].size.items()}
     curve = set(posterior.layout[0].model.tolist())
-    found = []
     for i, p in enumerate(posterior.space.parameters):
         if p.fixed is not None:
             continue
         fact = facts.get(p.name)
         channel = noise.get(i, "") if fact is None else fact.channel
         role = None if fact is None else fact.role
-        found.append(
+        yield (
             QuantityDraws(
                 p.name,
                 "parameter" if i in curve else "noise",
@@ -119,7 +118,6 @@ def _parameters(draws: RecordDraws) -> list[QuantityDraws]:
                 difference=role is not Role.MIDPOINT,
             )
         )
-    return found
 
 
 def _extremes(draws: RecordDraws, stiffness: bool) -> list[QuantityDraws]:
@@ -141,21 +139,19 @@ def _extremes(draws: RecordDraws, stiffness: bool) -> list[QuantityDraws]:
     ]
 
 
-def _values(draws: RecordDraws, at: Sequence[float], stiffness: bool) -> list[QuantityDraws]:
+def _values(draws: RecordDraws, at: Sequence[float], stiffness: bool) -> Iterator[QuantityDraws]:
     channels = ["stiffness"] if stiffness else [c for c in draws.channels if c != "stiffness"]
     degrees = unit_text(draws.units["temperature"])
-    out = []
     for channel in channels:
         values = draws.curve(channel, np.asarray(at, dtype=float))
         name, unit = draws.quantities[channel], draws.units[channel]
-        out += [
+        yield from [
             QuantityDraws(
                 f"{name} at {t:g} {degrees}", "curve", channel, unit, f"{name} of the curve at {t:g} {degrees}",
                 values[:, i], t, name,
             )
             for i, t in enumerate(at)
         ]  # fmt: skip
-    return out
 
 
 @dataclass(frozen=True, eq=False)

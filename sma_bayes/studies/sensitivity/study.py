@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
 
@@ -98,7 +98,7 @@ def studied(task: RecordTask) -> StudiedRecord:
         draws=draws.size,
         temperature_unit=record.units["temperature"],
         memory=bool(draws.posterior.noise.autocorrelated),
-        quantities=_quantities(draws, quantities, values, densities, influence, left_out, bootstrap),
+        quantities=tuple(_quantities(draws, quantities, values, densities, influence, left_out, bootstrap)),
         left_out_sweeps=tuple(
             LeftOutSweepWeights.about(
                 one, sweep=i + 1, first_row=int(record.row[s].min()), readings=int(s.size)
@@ -120,7 +120,7 @@ def _quantities(
     influence: Mapping[str, Floats],
     left_out: Sequence[LeftOut],
     bootstrap: SweepBootstrap | None,
-) -> tuple[QuantitySensitivity, ...]:
+) -> Iterator[QuantitySensitivity]:
     raw = np.stack([q.draws for q in quantities], axis=1)
     mean, sd = values.mean(axis=0), values.std(axis=0)
     per_sd = np.divide(1.0, sd, out=np.full(sd.size, np.nan), where=sd > 0.0)
@@ -131,14 +131,13 @@ def _quantities(
     likelihood_shift = mean_gradient(values, densities.log_likelihood) * per_sd
     readings = _deciding(draws, values, mean, per_sd, densities, influence)
     again = {} if bootstrap is None else {q.name: q for q in bootstrap.quantities}
-    out = []
     of_prior[np.isnan(per_sd)] = of_likelihood[np.isnan(per_sd)] = np.nan
     for i, q in enumerate(quantities):
         diagnosis = diagnose(of_prior[i], of_likelihood[i])
         finite = np.isfinite(q.draws)
         found = interval_where_defined(q.draws[finite])
         changes = [(one.mean[i] - mean[i]) * per_sd[i] for one in left_out]
-        out.append(
+        yield (
             QuantitySensitivity.about(
                 q,
                 diagnosis=diagnosis,
@@ -156,7 +155,6 @@ def _quantities(
                 likelihood_shift=likelihood_shift[i],
             )
         )
-    return tuple(out)
 
 
 def diagnose(

@@ -79,8 +79,7 @@ def sensitivity(
     densities of the sampled coordinates: of the logarithm of a parameter that has a sign, of the logit of one that has
     bounds.
     """
-    drawn = figures_for(figures)
-    work = RunContext(SENSITIVITY, jobs, drawn, progress or silent, account or Account())
+    work = RunContext(SENSITIVITY, jobs, figures_for(figures), progress or silent, account or Account())
     with work.account.timed("read"):
         run = read_run(Path(folder))
     source = FitSource(run.folder, run.summary, partial(draws_of, run.folder, seed=run.summary.seed))

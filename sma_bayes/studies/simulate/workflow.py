@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
@@ -433,11 +433,10 @@ def _said_of(runs: Sequence[SimulatedRun]) -> list[str]:
     ]
 
 
-def _said_of_one(r: SimulatedRun) -> list[str]:
-    out = []
+def _said_of_one(r: SimulatedRun) -> Iterator[str]:
     if r.extrapolated_from is not None:
         low, high = map(r.shown_temperature, r.measured)
-        out.append(
+        yield (
             f"from {r.extrapolated_from:.3g} s on beyond the temperatures that were measured, {low:.3g} to "
             f"{high:.3g} {unit_text(r.temperature_unit)}, in up to {r.extrapolated:.0%} of the draws; curves are "
             "extrapolated there."
@@ -448,11 +447,10 @@ def _said_of_one(r: SimulatedRun) -> list[str]:
             f"{unit_text(r.declared_units[c]) or '1'}"
             for c, v in r.other_rule.difference.items()
         )
-        out.append(
+        yield (
             f"minor loops follow a rule that the campaign does not test; the rule {r.other_rule.rule!r} "
             f"gives up to {apart} apart."
         )
-    return out
 
 
 def _run(

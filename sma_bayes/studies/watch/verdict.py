@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
 
@@ -89,7 +89,7 @@ def judged(
     over = np.flatnonzero(total >= needed)
     at = int(over[0]) if over.size else None
     began = None if at is None else _began(watched, evidence, needed + np.log(series))
-    numbers = _numbers(reference, watched, evidence, began, needed + np.log(series))
+    numbers = tuple(_numbers(reference, watched, evidence, began, needed + np.log(series)))
     greatest = float(total.max(initial=0.0))
     change = NO_CHANGE if began is None else _change(reference, began, units)
     alarm = None
@@ -139,13 +139,12 @@ def _began(watched: Watched, evidence: Floats, needed: float) -> _Began:
 
 def _numbers(
     reference: Reference, watched: Watched, evidence: Floats, began: _Began | None, needed: float
-) -> tuple[WatchedNumber, ...]:
+) -> Iterator[WatchedNumber]:
     base = watched.fitted + (watched.watched if began is None else began.onset.low - 1)
     low, high = normal_range(watched, base)
-    out = []
     for k, (s, i) in enumerate(reference.keys):
         strand = reference.strands[s]
-        out.append(
+        yield (
             WatchedNumber(
                 branch=strand.record.branch.value,
                 channel=strand.channel,
@@ -158,7 +157,6 @@ def _numbers(
                 alarm=bool(np.any(evidence[:, k] >= needed)),
             )
         )
-    return tuple(out)
 
 
 def normal_range(watched: Watched, base: int) -> tuple[Floats, Floats]:
