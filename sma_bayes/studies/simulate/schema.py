@@ -53,20 +53,8 @@ class ValueAtEnd(IntervalDocument):
 
     def shown_in(self, unit: str) -> ValueAtEnd:
         """The same in another unit."""
-
-        def to(value: float | None) -> float | None:
-            return None if value is None else float(convert(value, self.unit, unit))
-
-        q05, median, q95 = map(to, (self.q05, self.median, self.q95))
-        return ValueAtEnd(
-            name=self.name,
-            unit=unit,
-            q05=q05,
-            median=median,
-            q95=q95,
-            pred_q05=to(self.pred_q05),
-            pred_q95=to(self.pred_q95),
-        )
+        told = {n: v for n, v in self if isinstance(v, float)}
+        return self.but(unit=unit, **{n: float(convert(v, self.unit, unit)) for n, v in told.items()})
 
 
 class OtherRule(DocumentPart):
