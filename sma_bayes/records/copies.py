@@ -48,10 +48,9 @@ class Readings:
     values: Floats
 
 
-def readings_of(run: Run) -> tuple[Readings, ...]:
+def readings_of(run: Run) -> Iterator[Readings]:
     """The measured channels of a run that have noise to tell them by."""
     step = -(-run.n // KEPT)
-    found = []
     for channel in CHANNELS:
         if channel not in run.columns:
             continue
@@ -61,8 +60,7 @@ def readings_of(run: Run) -> tuple[Readings, ...]:
             quantity = SPECIMEN_QUANTITY.get(channel, channel) if run.specimen else channel
             unit = unit_text(run.units.get(channel, ""))
             rows = (run.n, there.tobytes())
-            found.append(Readings(run.condition.id, run.file, channel, quantity, unit, rows, values[there]))
-    return tuple(found)
+            yield Readings(run.condition.id, run.file, channel, quantity, unit, rows, values[there])
 
 
 def copied_readings(readings: Sequence[Readings], known: Sequence[Finding] = ()) -> tuple[Finding, ...]:

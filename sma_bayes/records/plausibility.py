@@ -361,7 +361,7 @@ def _declared_spread(run: Run) -> _Seen:
             )
 
 
-def unresolved(records: Sequence[Record]) -> tuple[Finding, ...]:
+def unresolved(records: Sequence[Record]) -> Iterator[Finding]:
     """Channels that change over fewer degrees than the declared errors of the temperature would leave, in any branch.
 
     Parameters
@@ -369,7 +369,6 @@ def unresolved(records: Sequence[Record]) -> tuple[Finding, ...]:
     records : sequence of Record
         Of one condition.
     """
-    found = []
     for channel in dict.fromkeys(c for r in records for c in r.observed):
         of = [r for r in records if channel in r.observed and r.temperature_sd > 0.0]
         steep = [s for r in of if (s := _steep_part(r.temperature, r.observed[channel])) is not None]
@@ -391,10 +390,9 @@ def unresolved(records: Sequence[Record]) -> tuple[Finding, ...]:
                 "offset of all readings (offset_sd)?"
             )
         if message:
-            found.append(
-                Finding("large-sd", message, of[0].source, condition=of[0].condition.id, column="temperature")
+            yield Finding(
+                "large-sd", message, of[0].source, condition=of[0].condition.id, column="temperature"
             )
-    return tuple(found)
 
 
 class _Steep(NamedTuple):

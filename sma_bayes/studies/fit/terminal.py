@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -181,18 +181,17 @@ def thermometer_sentences(records: Sequence[RecordSummary]) -> list[str]:
     ]
 
 
-def self_check_sentences(records: Sequence[RecordSummary]) -> list[str]:
+def self_check_sentences(records: Sequence[RecordSummary]) -> Iterator[str]:
     """What the self-check found, one sentence for all that passed and one for each record that did not."""
     found = [(r.key, r.self_check) for r in records if r.self_check is not None]
     if not found:
-        return []
+        return
     good = [c for _, c in found if c.passed]
     rate = f"false alarm in {100 * found[0][1].false_alarm_rate:g} % of records at most"
-    sentences = []
     if good:
         held = [one for c in good for q in c.quantities for one in q.coverage if one.level == 0.9]
         least, most = (100 * f(one.share for one in held) for f in (min, max))
-        sentences.append(
+        yield (
             f"Self-check: {len(good)} of {many(len(found), 'record')} passed, {good[0].replicates} refits of simulated "
             f"measurements each; 90 % intervals held {least:.3g} to {most:.3g} % of the truths ({rate})."
         )
@@ -204,8 +203,7 @@ def self_check_sentences(records: Sequence[RecordSummary]) -> list[str]:
                 if wrong
                 else f"{c.failed} of {c.replicates} refits missed their target"
             )
-            sentences.append(f"Self-check FAILED for {key}: {why} ({rate}); do not rely on its intervals.")
-    return sentences
+            yield f"Self-check FAILED for {key}: {why} ({rate}); do not rely on its intervals."
 
 
 def _worth_a_row(records: Sequence[RecordSummary]) -> Sequence[RecordSummary]:
