@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 
 from sma_bayes.account import Account
 from sma_bayes.fitting.fit_records import support_for
@@ -14,15 +15,8 @@ from sma_bayes.runs.jobs import run
 from sma_bayes.studies.options import FitOptions, models_of
 
 
-@dataclass(frozen=True, eq=False)
-class _SupportTask:
-    records: tuple[Record, ...]
-    options: FitOptions
-
-
-def _support_task(task: _SupportTask) -> Support:
-    o = task.options
-    return support_for(task.records, models_of(task.records, o), noise=o.noise, seed=o.seed)
+def _support(records: tuple[Record, ...], options: FitOptions) -> Support:
+    return support_for(records, models_of(records, options), noise=options.noise, seed=options.seed)
 
 
 def with_shared_model(
@@ -42,8 +36,8 @@ def with_shared_model(
     """
     if options.model != AUTO_MODEL:
         return options, None
-    tasks = [_SupportTask(group, options) for group in groups]
-    support = list(run(_support_task, tasks, jobs, account=account, stage="choose_model"))
+    task = partial(_support, options=options)
+    support = list(run(task, groups, jobs, account=account, stage="choose_model"))
     choice = best_supported(support)
     priors = next(p for m, p in models_of(groups[0], options) if m.name == choice.name)
     return replace(options, model=choice.name, priors=priors), choice

@@ -205,11 +205,11 @@ def test_a_run_that_was_interrupted_goes_on_where_it_was(
 
     whole, fitted = workflow.study_sweep, []
 
-    def until_killed(task: Any) -> Any:
+    def until_killed(sweep: Any, **options: Any) -> Any:
         if len(fitted) == 1:
             raise KeyboardInterrupt
-        fitted.append(task.sweep.id)
-        return whole(task)
+        fitted.append(sweep.id)
+        return whole(sweep, **options)
 
     place = tmp_path / "again"
     options = {"at": ["20 degC"], "model": MODELS[1], "loss_model": MODELS[3], "jobs": 1, "figures": "none"}
@@ -219,9 +219,9 @@ def test_a_run_that_was_interrupted_goes_on_where_it_was(
     assert [p.stem for p in (place / "parts").iterdir()] == fitted
     later: list[str] = []
 
-    def counted(task: Any) -> Any:
-        later.append(task.sweep.id)
-        return whole(task)
+    def counted(sweep: Any, **options: Any) -> Any:
+        later.append(sweep.id)
+        return whole(sweep, **options)
 
     monkeypatch.setattr(workflow, "study_sweep", counted)
     found = sma_bayes.modulus(export, place, resume=True, **options)

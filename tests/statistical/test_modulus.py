@@ -12,7 +12,7 @@ import pytest
 from sma_bayes.assess.transformation import tangents
 from sma_bayes.records.dmta import DmtaSweep
 from sma_bayes.records.types import Branch, Condition, Record
-from sma_bayes.studies.modulus.sweep import LOSS, STORAGE, SweepTask, study_sweep
+from sma_bayes.studies.modulus.sweep import LOSS, STORAGE, study_sweep
 
 pytestmark = [pytest.mark.slow, pytest.mark.thorough]
 
@@ -53,8 +53,8 @@ def test_intervals_hold_what_another_mechanism_has() -> None:
     values, temperatures = [], []
     for number in range(SWEEPS):
         middle = float(rng.uniform(45.0, 60.0))
-        task = SweepTask(measured(number, middle, rng), {STORAGE: "auto", LOSS: "auto"}, AT, number)
-        found = study_sweep(task).document
+        sweep = measured(number, middle, rng)
+        found = study_sweep(sweep, {STORAGE: "auto", LOSS: "auto"}, AT, number).document
         assert all(c.converged for c in found.curves)
         storage, loss = moduli(fine, middle)
         rule = tangents(lambda t, m=middle: moduli(np.atleast_2d(t), m)[0], -20.0, 120.0)  # type: ignore[misc]

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -167,38 +167,28 @@ def check(records: Sequence[Record], options: FitOptions) -> None:
                     )
 
 
-@dataclass(frozen=True, eq=False)
-class _StartTask:
-    record: Record
-    options: FitOptions
+def _start(record: Record, o: FitOptions) -> StartedComparison:
+    return start_comparison(record, o.priors, noise=o.noise, seed=o.seed, model=o.model)
 
 
-def _start_task(task: _StartTask) -> StartedComparison:
-    o = task.options
-    return start_comparison(task.record, o.priors, noise=o.noise, seed=o.seed, model=o.model)
-
-
-@dataclass(frozen=True, eq=False)
-class _CompareTask:
-    begun: StartedComparison | _StartTask
-    lines: float | None
-
-
-def _compare_task(task: _CompareTask) -> Comparison:
-    begun = _start_task(task.begun) if isinstance(task.begun, _StartTask) else task.begun
+def _compare(begun: StartedComparison | Record, options: FitOptions, lines: float | None) -> Comparison:
+    begun = _start(begun, options) if isinstance(begun, Record) else begun
     r = begun.setting.record
-    tell = None if task.lines is None else lines_about(f"{r.key}, {r.channels[0]}", task.lines)
+    tell = None if lines is None else lines_about(f"{r.key}, {r.channels[0]}", lines)
     return finished_comparison(begun, tell)
 
 
-def _started(tasks: Sequence[_StartTask], work: RunContext) -> Sequence[StartedComparison | _StartTask]:
+def _started(
+    records: Sequence[Record], options: FitOptions, work: RunContext
+) -> Sequence[StartedComparison | Record]:
     """What is compared, with the noise chosen and the time that it takes announced where records are not very many."""
-    if len(tasks) > MOST_STARTED:
-        return tasks
-    begun = list(run(_start_task, tasks, work.jobs, account=work.account, stage="compare"))
+    if len(records) > MOST_STARTED:
+        return records
+    task = partial(_start, o=options)
+    begun = list(run(task, records, work.jobs, account=work.account, stage="compare"))
     each = [b.expected_s for b in begun]
     models = max((len(b.running) for b in begun), default=0)
-    what = f"{many(len(tasks), 'record')}, {models} models fitted whole and without each part held out"
+    what = f"{many(len(records), 'record')}, {models} models fitted whole and without each part held out"
     announce(work.tell, max([sum(each) / processes(work.jobs, len(each)), *each]), what)
     return begun
 
@@ -213,9 +203,9 @@ def _compared(
     work.tell(0, len(records), "choosing the model" if options.model == AUTO_MODEL else "comparing")
     chosen, choice = with_shared_model([(r,) for r in records], options, work.jobs, work.account)
     comparisons = []
-    begun = _started([_StartTask(r, chosen) for r in records], work)
-    tasks = [_CompareTask(b, lines_inside(work.tell)) for b in begun]
-    for compared in run(_compare_task, tasks, work.jobs, account=work.account, stage="compare"):
+    begun = _started(records, chosen, work)
+    task = partial(_compare, options=chosen, lines=lines_inside(work.tell))
+    for compared in run(task, begun, work.jobs, account=work.account, stage="compare"):
         comparisons.append(compared)
         work.tell(len(comparisons), len(records), f"compared {stem_of(compared)}")
         if folder is not None:

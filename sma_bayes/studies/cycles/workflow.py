@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
@@ -131,13 +132,13 @@ def cycles(
     work = RunContext(CYCLES, jobs, figures_for(figures), progress or silent, account or Account())
     stated = CyclesOptions(model=model, at=tuple(at), share=share, probability=probability, ahead=ahead)
     identity = {**run_identity(campaign, options), "kind": CYCLES.verb, **stated.as_json()}
-    tasks = [_Condition(tuple(records), tuple(told), asked, stated, seed) for records, told in groups]
+    study = partial(_studied, asked=asked, options=stated, seed=seed)
 
     def find(folder: Path | None) -> CyclesFindings:
         found = []
-        for parts in run(_studied, tasks, jobs, account=work.account, stage="study"):
+        for parts in run(study, groups, jobs, account=work.account, stage="study"):
             found.append(parts.document)
-            work.tell(len(found), len(tasks), f"pooled {parts.document.condition}")
+            work.tell(len(found), len(groups), f"pooled {parts.document.condition}")
             if folder is not None:
                 with work.account.timed("write"):
                     for name, columns in parts.curves.items():
@@ -210,28 +211,19 @@ def _groups(campaign: Campaign, ahead: int) -> tuple[list[tuple[list[Sweeps], li
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Condition:
-    sweeps: tuple[Sweeps, ...]
-    remarks: tuple[str, ...]
-    at: tuple[float, ...]
-    options: CyclesOptions
-    seed: int
-
-    title = "pool cycles"
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class _StudiedCondition:
     document: ConditionCycles
     curves: dict[str, dict[str, Any]]
 
 
-def _studied(task: _Condition) -> _StudiedCondition:
-    options, seed = task.options, task.seed
-    strands = [fit_strand(r, channel, cycle, options.model, seed) for r, channel, cycle in task.sweeps]
+def _studied(
+    group: tuple[Sequence[Sweeps], Sequence[str]], asked: tuple[float, ...], options: CyclesOptions, seed: int
+) -> _StudiedCondition:
+    sweeps, remarks = group
+    strands = [fit_strand(r, channel, cycle, options.model, seed) for r, channel, cycle in sweeps]
     pooled = pool(strands, options.ahead, seed)
     ends = np.array([s.ends for s in strands])
-    at = task.at or (float(np.round(0.5 * (ends[:, 0].max() + ends[:, 1].min()))),)
+    at = asked or (float(np.round(0.5 * (ends[:, 0].max() + ends[:, 1].min()))),)
     condition = strands[0].record.condition.id
     document = ConditionCycles(
         condition=condition,
@@ -243,7 +235,7 @@ def _studied(task: _Condition) -> _StudiedCondition:
         stable=_stable(pooled, options.share, options.probability),
         held_out=tuple(held_out(strands, seed)),
         quantities=tuple(_by_cycle(q) for q in quantities(pooled, at)),
-        remarks=(*task.remarks, *_remarks(strands, at)),
+        remarks=(*remarks, *_remarks(strands, at)),
     )
     return _StudiedCondition(
         document, {f"{s.record.key}-{s.channel}.csv": _columns(pooled, i) for i, s in enumerate(strands)}

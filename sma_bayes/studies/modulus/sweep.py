@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -42,28 +42,6 @@ LEVELS: Final = (0.05, 0.5, 0.95)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class SweepTask:
-    """A sweep to be studied.
-
-    Attributes
-    ----------
-    sweep : DmtaSweep
-    models : mapping of str to str
-        Name of the response model of each modulus, or ``auto``.
-    at : tuple of float
-        Temperatures at which moduli are told [degC].
-    seed : int
-    """
-
-    sweep: DmtaSweep
-    models: Mapping[Modulus, str]
-    at: tuple[float, ...]
-    seed: int
-
-    title = "fit moduli"
-
-
-@dataclass(frozen=True, slots=True, eq=False)
 class SweepFound:
     """What was found of a sweep: its part of the document, its bands and its samples as columns."""
 
@@ -72,14 +50,24 @@ class SweepFound:
     samples: dict[str, Floats]
 
 
-def study_sweep(task: SweepTask) -> SweepFound:
-    """Fit the moduli of a sweep and tell what follows."""
-    sweep = task.sweep
-    fits: dict[Modulus, Fit] = {STORAGE: _fitted(sweep.storage, STORAGE, task)}
-    if sweep.loss is not None:
-        fits[LOSS] = _fitted(sweep.loss, LOSS, task)
+def study_sweep(
+    sweep: DmtaSweep, models: Mapping[Modulus, str], at: Sequence[float], seed: int
+) -> SweepFound:
+    """Fit the moduli of a sweep and tell what follows.
+
+    Parameters
+    ----------
+    sweep : DmtaSweep
+    models : mapping of str to str
+        Name of the response model of each modulus, or ``auto``.
+    at : sequence of float
+        Temperatures at which moduli are told [degC].
+    seed : int
+    """
+    measured: dict[Modulus, Record | None] = {STORAGE: sweep.storage, LOSS: sweep.loss}
+    fits = {m: _fitted(r, m, models[m], seed) for m, r in measured.items() if r is not None}
     low, high = float(sweep.storage.temperature.min()), float(sweep.storage.temperature.max())
-    rng = np.random.default_rng(np.random.SeedSequence([task.seed, 9, *sweep.id.encode()]))
+    rng = np.random.default_rng(np.random.SeedSequence([seed, 9, *sweep.id.encode()]))
     curves = _Curves(fits, rng)
     document = ModulusSweep.about(
         sweep,
@@ -88,18 +76,17 @@ def study_sweep(task: SweepTask) -> SweepFound:
         temperature_to=high,
         curves=tuple(_curve(f, channel, sweep) for channel, f in fits.items()),
         temperatures=(*_of_storage(fits[STORAGE]), *_peaks(curves, low, high)),
-        values=tuple(v for t in task.at for v in _values(curves, t)),
+        values=tuple(v for t in at for v in _values(curves, t)),
     )
     return SweepFound(document, _bands(curves, np.linspace(low, high, POINTS)), _samples(fits))
 
 
-def _fitted(record: Record, channel: Modulus, task: SweepTask) -> Fit:
-    name = task.models[channel]
+def _fitted(record: Record, channel: Modulus, name: str, seed: int) -> Fit:
     types: tuple[type[ResponseModel], ...] = (
         LADDERS[channel] if name == AUTO_MODEL else (RESPONSE_MODELS[name],)
     )
     ladder = [(m.made_for([record]), m.default_priors()) for m in types]
-    return fit_records([record], ladder[0][1], ladder=ladder, seed=task.seed)
+    return fit_records([record], ladder[0][1], ladder=ladder, seed=seed)
 
 
 class _Curves:

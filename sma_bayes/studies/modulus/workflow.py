@@ -3,8 +3,9 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from pathlib import Path
 from typing import Any, ClassVar, Final
 
@@ -46,7 +47,7 @@ from sma_bayes.studies.modulus.shift import (
     fit_line,
 )
 from sma_bayes.studies.modulus.shown import degrees_of
-from sma_bayes.studies.modulus.sweep import LOSS, STORAGE, SweepTask, study_sweep
+from sma_bayes.studies.modulus.sweep import LOSS, STORAGE, SweepFound, study_sweep
 from sma_bayes.studies.run_context import RunContext
 from sma_bayes.studies.study_step import DrawnTable, StudyStep, Texts
 
@@ -145,14 +146,14 @@ def modulus(
         "versions": versions(),
     }  # fmt: skip
     work = RunContext(MODULUS, jobs, figures_for(figures), progress or silent, account)
-    tasks = [SweepTask(s, models, told, seed) for s in campaign.sweeps]
+    study = partial(study_sweep, models=models, at=told, seed=seed)
 
     units_declared = declared_parts([s.storage for s in campaign.sweeps])
     declared = DeclaredUnits(**units_declared)
     degrees = degrees_of(declared, difference=True)
 
     def find(folder: Path | None) -> ModulusFindings:
-        sweeps = _sweeps(tasks, folder, work)
+        sweeps = _sweeps(campaign.sweeps, study, folder, work)
         shifts = shifts_of(sweeps, degrees)
         damping = tuple({(s.test, s.frequency): s.damping for s in campaign.sweeps if s.damping}.values())
         return ModulusFindings.about(
@@ -204,15 +205,16 @@ def _usual(sweeps: Sequence[DmtaSweep]) -> tuple[float, ...]:
 # sweeps
 
 
-def _sweeps(tasks: Sequence[SweepTask], folder: Path | None, work: RunContext) -> tuple[ModulusSweep, ...]:
+def _sweeps(
+    sweeps: Sequence[DmtaSweep],
+    study: Callable[[DmtaSweep], SweepFound],
+    folder: Path | None,
+    work: RunContext,
+) -> tuple[ModulusSweep, ...]:
     """The part of each sweep; those that an interrupted run has finished are read."""
-    done = (
-        {}
-        if folder is None
-        else {t.sweep.id: part for t in tasks if (part := _read_part(folder, t.sweep.id))}
-    )
-    left = [t for t in tasks if t.sweep.id not in done]
-    for found in run(study_sweep, left, work.jobs, account=work.account, stage="fit"):
+    done = {} if folder is None else {s.id: part for s in sweeps if (part := _read_part(folder, s.id))}
+    left = [s for s in sweeps if s.id not in done]
+    for found in run(study, left, work.jobs, account=work.account, stage="fit"):
         name = found.document.id
         done[name] = found.document
         if folder is not None:
@@ -220,8 +222,8 @@ def _sweeps(tasks: Sequence[SweepTask], folder: Path | None, work: RunContext) -
                 write_csv(folder / "samples" / f"{name}.csv", found.samples)
                 write_csv(folder / "bands" / f"{name}.csv", found.bands)
                 write_json(folder / PARTS / f"{name}.json", found.document.as_json())
-        work.tell(len(done), len(tasks), f"fitted {name}")
-    return tuple(done[t.sweep.id] for t in tasks)
+        work.tell(len(done), len(sweeps), f"fitted {name}")
+    return tuple(done[s.id] for s in sweeps)
 
 
 def _read_part(folder: Path, name: str) -> ModulusSweep | None:
@@ -337,14 +339,12 @@ def _by_frequency(sweeps: Sequence[ModulusSweep], at: Sequence[float]) -> Iterat
             x = np.log([frequency for frequency, _ in own])
             y, sd = np.array([(v.log_mean, v.log_sd) for v in values], dtype=float).T
             line = fit_line(x, y, sd, SCATTER_OF_MODULUS)
-            yield (
-                ModulusByFrequency(
-                    branch=branch,
-                    at=t,
-                    sweeps=tuple(s.id for _, s in own),
-                    factor=_interval([float(np.exp(_DECADE * q)) for q in line.slope_quantiles(LEVELS)]),
-                    probability_rises=line.probability_above(0.0),
-                )
+            yield ModulusByFrequency(
+                branch=branch,
+                at=t,
+                sweeps=tuple(s.id for _, s in own),
+                factor=_interval([float(np.exp(_DECADE * q)) for q in line.slope_quantiles(LEVELS)]),
+                probability_rises=line.probability_above(0.0),
             )
 
 

@@ -104,19 +104,15 @@ def _parameters(draws: RecordDraws) -> Iterator[QuantityDraws]:
         fact = facts.get(p.name)
         channel = noise.get(i, "") if fact is None else fact.channel
         role = None if fact is None else fact.role
-        yield (
-            QuantityDraws(
-                p.name,
-                "parameter" if i in curve else "noise",
-                channel,
-                p.unit,
-                p.meaning,
-                np.asarray(draws.theta[:, i]),
-                quantity=draws.quantities.get(channel, "")
-                if in_unit_of_channel(p.name, channel, role)
-                else "",
-                difference=role is not Role.MIDPOINT,
-            )
+        yield QuantityDraws(
+            p.name,
+            "parameter" if i in curve else "noise",
+            channel,
+            p.unit,
+            p.meaning,
+            np.asarray(draws.theta[:, i]),
+            quantity=draws.quantities.get(channel, "") if in_unit_of_channel(p.name, channel, role) else "",
+            difference=role is not Role.MIDPOINT,
         )
 
 

@@ -40,26 +40,6 @@ DEFINED = 0.5
 
 
 @dataclass(frozen=True, eq=False)
-class RecordTask:
-    """A record to be studied.
-
-    Attributes
-    ----------
-    draws : RecordDraws
-    at : tuple of float
-        Temperatures at which curves are told [unit of temperature].
-    stiffness : bool
-        Whether the fit gives a stiffness.
-    seed : int
-    """
-
-    draws: RecordDraws
-    at: tuple[float, ...]
-    stiffness: bool
-    seed: int
-
-
-@dataclass(frozen=True, eq=False)
 class StudiedRecord:
     """What was found of a record.
 
@@ -74,14 +54,23 @@ class StudiedRecord:
     readings: Mapping[str, Sequence[object] | Floats]
 
 
-def studied(task: RecordTask) -> StudiedRecord:
-    """Study one record."""
-    draws = task.draws
-    quantities = quantities_of(draws, task.at, stiffness=task.stiffness)
+def studied(draws: RecordDraws, at: Sequence[float], stiffness: bool, seed: int) -> StudiedRecord:
+    """Study one record.
+
+    Parameters
+    ----------
+    draws : RecordDraws
+    at : sequence of float
+        Temperatures at which curves are told [unit of temperature].
+    stiffness : bool
+        Whether the fit gives a stiffness.
+    seed : int
+    """
+    quantities = quantities_of(draws, at, stiffness=stiffness)
     densities = densities_of(draws)
     values = np.stack([q.tamed for q in quantities], axis=1)
-    left_out = means_without_sweeps(draws, quantities, values, densities, task.at, task.seed)
-    bootstrap = bootstrap_sweeps(draws, task.at, task.seed, stiffness=task.stiffness)
+    left_out = means_without_sweeps(draws, quantities, values, densities, at, seed)
+    bootstrap = bootstrap_sweeps(draws, at, seed, stiffness=stiffness)
     sd = values.std(axis=0)
     influence = {
         c: np.divide(i, sd[:, None], out=np.zeros_like(i), where=sd[:, None] > 0.0)
@@ -137,23 +126,21 @@ def _quantities(
         finite = np.isfinite(q.draws)
         found = interval_where_defined(q.draws[finite])
         changes = [(one.mean[i] - mean[i]) * per_sd[i] for one in left_out]
-        yield (
-            QuantitySensitivity.about(
-                q,
-                diagnosis=diagnosis,
-                leading_prior=None if diagnosis == NONE else _leading(draws, q.draws, densities),
-                reading=readings[i] if np.isfinite(per_sd[i]) else None,
-                sweeps=tuple(LeftOutSweepChange(sweep=s + 1, change=float(c)) for s, c in enumerate(changes)),
-                bootstrap=_interval(again[q.name], found["q95"] - found["q05"]) if q.name in again else None,
-                **found,
-                defined=finite.mean(),
-                mean=mean[i],
-                sd=sd[i],
-                prior=of_prior[i],
-                likelihood=of_likelihood[i],
-                prior_shift=prior_shift[i],
-                likelihood_shift=likelihood_shift[i],
-            )
+        yield QuantitySensitivity.about(
+            q,
+            diagnosis=diagnosis,
+            leading_prior=None if diagnosis == NONE else _leading(draws, q.draws, densities),
+            reading=readings[i] if np.isfinite(per_sd[i]) else None,
+            sweeps=tuple(LeftOutSweepChange(sweep=s + 1, change=float(c)) for s, c in enumerate(changes)),
+            bootstrap=_interval(again[q.name], found["q95"] - found["q05"]) if q.name in again else None,
+            **found,
+            defined=finite.mean(),
+            mean=mean[i],
+            sd=sd[i],
+            prior=of_prior[i],
+            likelihood=of_likelihood[i],
+            prior_shift=prior_shift[i],
+            likelihood_shift=likelihood_shift[i],
         )
 
 

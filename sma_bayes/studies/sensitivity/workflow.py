@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import partial
+from operator import call
 from pathlib import Path
 from typing import Any, ClassVar, Final
 
@@ -26,7 +27,7 @@ from sma_bayes.studies.run_context import RunContext
 from sma_bayes.studies.sensitivity.quantities import stated_temperatures
 from sma_bayes.studies.sensitivity.schema import RecordSensitivity, SensitivityFindings, Thresholds
 from sma_bayes.studies.sensitivity.shown import record_shown
-from sma_bayes.studies.sensitivity.study import RecordTask, studied
+from sma_bayes.studies.sensitivity.study import studied
 from sma_bayes.studies.sensitivity.words import conclusion
 from sma_bayes.studies.study_step import FromFitTable, StudyStep, Texts, temperatures
 
@@ -141,13 +142,12 @@ def find(
     for r in summary.records:
         draws, unit = source.draws(r), r.temperature.unit
         asked = tuple(asked_temperature(text, unit, unit) for text in at if _measured(r, text))
-        tasks.append(
-            RecordTask(draws, asked if at else stated_temperatures(draws), bool(r.quantities_of_branch), seed)
-        )
+        told = asked if at else stated_temperatures(draws)
+        tasks.append(partial(studied, draws, told, bool(r.quantities_of_branch), seed))
     found: list[RecordSensitivity] = []
     units = shown_units(summary.records)
     work.tell(0, len(tasks), "studying")
-    for one in run_tasks(studied, tasks, work.jobs, account=work.account, stage="sensitivity"):
+    for one in run_tasks(call, tasks, work.jobs, account=work.account, stage="sensitivity"):
         found.append(one.found)
         work.tell(len(found), len(tasks), f"studied {one.found.key}")
         if folder is not None:

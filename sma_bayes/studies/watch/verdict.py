@@ -144,18 +144,16 @@ def _numbers(
     low, high = normal_range(watched, base)
     for k, (s, i) in enumerate(reference.keys):
         strand = reference.strands[s]
-        yield (
-            WatchedNumber(
-                branch=strand.record.branch.value,
-                channel=strand.channel,
-                number=WATCHED[i],
-                unit=_unit(strand, i),
-                value=_physical(strand, i, watched.value[:, k]).tolist(),
-                normal_low=_physical(strand, i, low[:, k]).tolist(),
-                normal_high=_physical(strand, i, high[:, k]).tolist(),
-                log10_e=(evidence[:, k] / LOG10).tolist(),
-                alarm=bool(np.any(evidence[:, k] >= needed)),
-            )
+        yield WatchedNumber(
+            branch=strand.record.branch.value,
+            channel=strand.channel,
+            number=WATCHED[i],
+            unit=_unit(strand, i),
+            value=_physical(strand, i, watched.value[:, k]).tolist(),
+            normal_low=_physical(strand, i, low[:, k]).tolist(),
+            normal_high=_physical(strand, i, high[:, k]).tolist(),
+            log10_e=(evidence[:, k] / LOG10).tolist(),
+            alarm=bool(np.any(evidence[:, k] >= needed)),
         )
 
 

@@ -38,8 +38,7 @@ def test_it_is_announced(
     monkeypatch.setattr(workflow, "start_comparison", lambda *_, **__: replace(begun, expected_s=each))
     out = io.StringIO()
     work = RunContext(COMPARISON, 1, "none", LogLines(file=out))
-    tasks = [workflow._StartTask(begun.setting.record, OPTIONS)] * 3
-    assert len(workflow._started(tasks, work)) == 3
+    assert len(workflow._started([begun.setting.record] * 3, OPTIONS, work)) == 3
     assert ("3 records, " in out.getvalue()) is told
     assert ("about 10 min, give or take a factor of three" in out.getvalue()) is told
 
@@ -50,10 +49,10 @@ def test_very_many_records_are_started_one_by_one_with_the_same_outcome(
     monkeypatch.setattr(workflow, "MOST_STARTED", 0)
     work = RunContext(COMPARISON, 1, "none")
     options = replace(OPTIONS, noise="independent")
-    task = workflow._StartTask(begun.setting.record, options)
-    assert workflow._started([task], work) == [task]
-    later = workflow._compare_task(workflow._CompareTask(task, None))
-    before = workflow._compare_task(workflow._CompareTask(begun, None))
+    records = [begun.setting.record]
+    assert workflow._started(records, options, work) is records
+    later = workflow._compare(records[0], options, None)
+    before = workflow._compare(begun, options, None)
     for name, one in before.fitted.items():
         assert one.evidence.value == later.fitted[name].evidence.value
         np.testing.assert_array_equal(one.loo.log_density, later.fitted[name].loo.log_density)

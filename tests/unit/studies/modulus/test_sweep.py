@@ -9,7 +9,7 @@ from scipy.special import expit
 
 from sma_bayes.records.dmta import DmtaSweep
 from sma_bayes.records.types import Branch, Condition, Record
-from sma_bayes.studies.modulus.sweep import LOSS, STORAGE, SweepTask, peak_of, study_sweep
+from sma_bayes.studies.modulus.sweep import LOSS, STORAGE, peak_of, study_sweep
 
 T = np.linspace(0.0, 110.0, 90)
 
@@ -49,8 +49,8 @@ def sweep() -> DmtaSweep:
 
 def test_medians_are_least_squares_and_intervals_as_wide_as_its_errors(sweep: DmtaSweep) -> None:
     """Weak priors and 90 samples: medians within 0.3 standard errors of scipy's, widths within 20 %."""
-    task = SweepTask(sweep, {STORAGE: "bounded_logistic", LOSS: "modulus_peak"}, (20.0, 62.0), 0)
-    found = study_sweep(task).document
+    models = {STORAGE: "bounded_logistic", LOSS: "modulus_peak"}
+    found = study_sweep(sweep, models, (20.0, 62.0), 0).document
     assert all(c.converged for c in found.curves)
     by_channel = {c.channel: c for c in found.curves}
     assert sweep.loss is not None

@@ -26,7 +26,7 @@ from sma_bayes.studies.sensitivity.influence import (
     without_readings,
 )
 from sma_bayes.studies.sensitivity.quantities import densities_of, quantities_of, stated_temperatures
-from sma_bayes.studies.sensitivity.study import RecordTask, studied
+from sma_bayes.studies.sensitivity.study import studied
 
 DRIFT = np.array([-0.08, -0.05, -0.02, 0.01, 0.02, 0.04, 0.03, 0.05])
 """What the offset of the force is off in each sweep [N]."""
@@ -125,7 +125,7 @@ def test_a_reading_moves_the_mean_as_a_fit_without_it_does(drawn: Callable[[str]
 def test_a_sweep_is_left_out_as_a_fit_without_it_does(drawn: Callable[[str], RecordDraws]) -> None:
     draws = drawn("alike-heating")
     at = stated_temperatures(draws)
-    found = studied(RecordTask(draws, at, False, 0)).found
+    found = studied(draws, at, False, 0).found
     for s in found.left_out_sweeps:
         assert s.pareto_k is not None
         assert s.refitted is (s.pareto_k > 0.7)
