@@ -94,7 +94,7 @@ class RemainderBeside(FlexibleEvidence):
 class QuantityInWords(DocumentPart):
     """Which quantity it is."""
 
-    unit: Annotated[str, UnitOf(lambda p: None)] = Field(description="its unit")
+    unit: Annotated[str, UnitOf(lambda p: "" if p.unit == "degC" else None)] = Field(description="its unit")
     meaning: str = Field(description="what it is")
 
 
@@ -450,7 +450,6 @@ class GapOfModel(DocumentPart):
 class HeatParameter(IntervalDocument, QuantityInWords):
     """A parameter of the heat balance; its interval comes from draws, or from the normal approximation at the mode."""
 
-    unit: Annotated[str, UnitOf(lambda p: "" if p.unit == "degC" else None)] = Field(description="its unit")
     scatter: NumberOrNull = Field(
         default=None,
         description="of `switching`: standard deviation from switching to switching [steps of the record]",

@@ -84,12 +84,17 @@ def part_in_declared_units(found: G, units: Shown) -> G:
     )
 
 
+def _unit(p: EffectParameter, units: Shown) -> ShownUnit:
+    """How a parameter is shown; one in degrees Celsius is a temperature, and no difference of two."""
+    return shown_as(p.unit, units) if p.unit == "degC" else shown_product(p.unit, units)
+
+
 def _effect(e: AddedEffect, units: Shown) -> AddedEffect:
     """An effect with the quantiles of its priors in the units of its parameters."""
 
     def of(p: EffectParameter) -> EffectParameter:
-        factor = shown_product(p.unit, units).factor
-        ends = {n: float(v) * factor for n, v in p.prior.items() if n in INTERVAL}
+        u = _unit(p, units)
+        ends = {n: u.value(float(v)) for n, v in p.prior.items() if n in INTERVAL}
         return p.but(prior=p.prior | ends)
 
     return e.but(parameters={n: of(p) for n, p in e.parameters.items()})
@@ -108,14 +113,10 @@ def study_in_declared_units(study: StoredStudy) -> StoredStudy:
 
 
 def _part(study: StoredStudy, found: GapDocument, part: GapOfModel, units: Shown) -> StoredStudy:
-    factor = {
-        f"{e.id}.{n}": shown_product(p.unit, units).factor
-        for e in study.effects
-        for n, p in e.parameters.items()
-    }
+    own = {f"{e.id}.{n}": _unit(p, units) for e in study.effects for n, p in e.parameters.items()}
 
     def draws(of: Mapping[str, Floats]) -> dict[str, Floats]:
-        return {name: factor.get(name, 1.0) * values for name, values in of.items()}
+        return {name: own[name].values(values) if name in own else values for name, values in of.items()}
 
     return replace(
         study,
