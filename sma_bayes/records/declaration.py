@@ -498,12 +498,21 @@ def _campaign_in(folder: Path) -> Path:
     if path.is_file():
         return path
     there = sorted(p.name for p in folder.iterdir() if p.is_file())
+    below = sorted(p.parent.name for p in folder.glob(f"*/{CAMPAIGN_FILE}"))
+    if below:
+        remedy = f"there is one in {str(folder / below[0])!r}: name that folder"
+    elif there:
+        remedy = (
+            f"`sma-bayes init {folder}` writes one; or name a single data file with default column names; "
+            f"the folder holds {first_of(there, FILES_SHOWN)}"
+        )
+    else:
+        remedy = "the folder holds no files: name the folder of the measurements"
     raise CampaignError(
         f"the folder has no {CAMPAIGN_FILE}",
         file=folder,
         expected=f"{CAMPAIGN_FILE} beside the data files",
-        remedy=f"`sma-bayes init {folder}` writes one; or name a single data file with default column names; "
-        "the folder holds " + (", ".join(there[:FILES_SHOWN]) or "no files"),
+        remedy=remedy,
     )
 
 
@@ -690,7 +699,11 @@ def _similar(path: Path) -> str:
     there = sorted(p.name for p in path.parent.iterdir())
     if not there:
         return "the folder is empty; name the folder of the data"
+    below = [name for name in there if (path.parent / name / path.name).is_file()]
+    if below:
+        where = str(path.parent / below[0])
+        return f"a file of that name is in {where!r}; name that folder as the data folder (--data)"
     near = near_matches(path.name, there)
-    if near.startswith("did you mean") or len(there) <= FILES_SHOWN:
+    if near.startswith("did you mean"):
         return near
     return f"the folder holds {first_of(there, FILES_SHOWN)}"

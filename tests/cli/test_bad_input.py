@@ -77,7 +77,37 @@ def test_a_missing_file(run: Run, measured: Path, tmp_path: Path) -> None:
 
 
 def test_a_folder_without_a_campaign(run: Run, measured: Path, tmp_path: Path) -> None:
-    assert "has no campaign.toml" in refused(run, "inspect", tmp_path)
+    message = refused(run, "inspect", tmp_path)
+    assert "has no campaign.toml" in message
+    assert f"`sma-bayes init {tmp_path}` writes one" in message
+
+
+def test_a_folder_in_which_no_campaign_can_be_written_is_not_sent_to_init(run: Run, tmp_path: Path) -> None:
+    message = refused(run, "inspect", tmp_path)
+    assert "the folder holds no files: name the folder of the measurements" in message
+    assert "init" not in message
+
+
+def test_a_folder_above_the_campaign_is_told_where_it_is(
+    run: Run, make_campaign: Callable[..., Path], tmp_path: Path
+) -> None:
+    folder = make_campaign(tmp_path / "c")
+    assert f"there is one in {str(folder)!r}: name that folder" in refused(run, "inspect", tmp_path)
+
+
+def test_a_copy_of_the_campaign_file_is_told_where_its_data_are(
+    run: Run, make_campaign: Callable[..., Path], tmp_path: Path
+) -> None:
+    """Such as the one in the folder of results, above the measurements of the demo."""
+    folder = make_campaign(tmp_path / "measurements")
+    copy = tmp_path / "campaign.toml"
+    copy.write_bytes((folder / "campaign.toml").read_bytes())
+    message = refused(run, "inspect", copy)
+    assert "there is no file" in message
+    assert (
+        f"a file of that name is in {str(folder)!r}; name that folder as the data folder (--data)" in message
+    )
+    assert run("inspect", copy, "--data", folder).status == 0
 
 
 CAMPAIGNS = {
