@@ -24,6 +24,8 @@ LEAST: Final = 4
 """Posteriors that a shape is found of, at least."""
 COMPONENTS: Final = 4
 """Of the mixture that is fitted to their draws."""
+MORE: Final = 4
+"""Times as many draws where the first ones of the shape do not do: still far fewer than a proposal of its own takes."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -100,7 +102,7 @@ def refitted(
     size: int,
     common: CommonShape | None,
 ) -> WeightedDraws:
-    """Sample one of very many similar densities: `size` draws of the common shape where these do, else `few_draws`.
+    """Sample one of very many similar densities: draws of the common shape where these do, else `few_draws`.
 
     Parameters
     ----------
@@ -117,7 +119,9 @@ def refitted(
     mode = None if common is None else find_mode(density, start, width)
     if common is not None and mode is not None:
         proposal = AboutMode(common.shape, mode.z, stretched(common.root, mode))
-        found = drawn(density, proposal, [mode], np.random.default_rng(shape_seed), size)
-        if found.converged:
-            return found
+        rng = np.random.default_rng(shape_seed)
+        for more in (1, MORE):
+            found = drawn(density, proposal, [mode], rng, more * size)
+            if found.converged:
+                return found
     return few_draws(density, start, width, other_seed, size)
