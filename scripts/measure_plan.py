@@ -2,12 +2,15 @@
 
     scripts/measure_plan.py shrinkage FIT --for stiffness@50degC --trials 100
     scripts/measure_plan.py apart GAP --trials 40
+    scripts/measure_plan.py advised GAP --trials 40
 
 `shrinkage`: truths are drawn from the posterior of a fit, sweeps of each simulated with its noise and joined with the
 old ones, and the posterior sampled anew. Expected and achieved variance, the squared error of the new mean, and how
 often the 90 % interval holds the truth. `apart`: for each candidate either explanation in turn is the truth; new
 measurements are simulated, both are fitted to old and new ones together, and it is counted how often ln Bayes factors
 of the new ones reach the threshold for the true one: Brier score, and what it would be were every probability right.
+`advised`: the same of the experiments that `plan` puts first, with the probabilities that it prints, and of whole loops
+as they were measured for as many hours, at least one.
 """
 
 from __future__ import annotations
@@ -20,6 +23,7 @@ from pathlib import Path
 import numpy as np
 from scipy.special import ndtri
 
+import sma_bayes
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.held_out import evaluated_on, missed_by, of_samples
 from sma_bayes.fitting.curves import CurveDraws
@@ -31,11 +35,12 @@ from sma_bayes.sampling.weighted import resampled
 from sma_bayes.studies.gap.fitting import FittedHypothesis, fit_hypothesis
 from sma_bayes.studies.gap.noise import blocks_of
 from sma_bayes.studies.plan.apart import Explanation, Prospect, alone_with, chances, further, noise_there
-from sma_bayes.studies.plan.asked import parse_asked
+from sma_bayes.studies.plan.asked import TELL_APART, parse_asked
 from sma_bayes.studies.plan.candidates import CandidateExperiment, settings_of
 from sma_bayes.studies.plan.information import Knowledge, PlannedSweep, PlanTarget
 from sma_bayes.studies.plan.rivals import THRESHOLD, RivalExplanations, conditions_of, fitted_rivals, read_gap
 from sma_bayes.studies.plan.scatter import scatter_of
+from sma_bayes.studies.plan.telling_apart import SURE
 from sma_bayes.studies.sensitivity.quantities import QuantityDraws
 
 DRAWN = 1000
@@ -251,6 +256,52 @@ def measure_apart(arguments: argparse.Namespace) -> None:
     )
 
 
+def as_measured(rivals: RivalExplanations, like: CandidateExperiment) -> CandidateExperiment:
+    """Whole loops as they were measured, for as many hours as another experiment, at least one."""
+    s = settings_of(rivals.campaign.records)[like.condition]
+    one = replace(
+        like,
+        lowest=s.lowest,
+        peak=s.hottest,
+        rate=s.rate or like.rate,
+        load=s.load,
+        cycles=1,
+        samples=s.samples,
+    )
+    return replace(one, cycles=max(round(like.hours / one.cycle_hours), 1))
+
+
+def measure_advised(arguments: argparse.Namespace) -> None:
+    """Truths and measurements of an even design have the seeds of the advised one beside it."""
+    gap, campaign = read_gap(arguments.folder, arguments.data)
+    rivals = fitted_rivals(gap, campaign, arguments.folder / "priors.toml", 0)
+    found = sma_bayes.plan(arguments.folder, TELL_APART, data=arguments.data)
+    best = [c for c in found["candidates"] if c["probability"] >= SURE][: arguments.first] or found[
+        "candidates"
+    ][:1]
+    rng = np.random.default_rng(arguments.seed)
+    advised, even = [], []
+    for i in range(arguments.trials):
+        c = best[i % len(best)]
+        candidate = CandidateExperiment(
+            c["condition"], c["lowest"], c["peak"], c["rate"], c["load"], c["cycles"], c["samples"], 0.0
+        )
+        n = int(rng.integers(len(rivals.pairs)))
+        turned = bool(rng.uniform() < 0.5)
+        pair = rivals.pairs[n][::-1] if turned else rivals.pairs[n]
+        said = c["pairs"][n]["if_second" if turned else "if_first"]
+        reached = trial(rivals, pair, candidate, 5000 + i).reached
+        advised.append(Trial(said, reached))
+        even.append(trial(rivals, pair, as_measured(rivals, candidate), 5000 + i))
+        print(f"{candidate.cycles} x {candidate.peak:.4g}, {candidate.rate:.3g}/s: {said:.3f} {reached}; "
+              f"as measured {even[-1].reached}", flush=True)  # fmt: skip
+    for name, trials in (("advised", advised), ("as measured", even)):
+        score, right = brier(trials)
+        p, reached = ([getattr(t, what) for t in trials] for what in ("probability", "reached"))
+        print(f"{name}: said {np.mean(p):.3f}, reached {np.mean(reached):.3f}; Brier score {score:.4f}, {right:.4f} "
+              f"were all probabilities right; {len(trials)} simulations")  # fmt: skip
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
@@ -270,6 +321,13 @@ def main() -> None:
     apart.add_argument("--trials", type=int, default=40)
     apart.add_argument("--seed", type=int, default=0)
     apart.set_defaults(measure=measure_apart)
+    advised = kinds.add_parser("advised")
+    advised.add_argument("folder", type=Path)
+    advised.add_argument("--data", type=Path)
+    advised.add_argument("--trials", type=int, default=40)
+    advised.add_argument("--first", type=int, default=5)
+    advised.add_argument("--seed", type=int, default=0)
+    advised.set_defaults(measure=measure_advised)
     arguments = parser.parse_args()
     arguments.measure(arguments)
 
