@@ -2,7 +2,7 @@
 
     scripts/measure_plan.py shrinkage FIT --for stiffness@50degC --trials 100
     scripts/measure_plan.py apart GAP --trials 40
-    scripts/measure_plan.py advised GAP --trials 40
+    scripts/measure_plan.py advised --springs 12 --trials 200
 
 `shrinkage`: truths are drawn from the posterior of a fit, sweeps of each simulated with its noise and joined with the
 old ones, and the posterior sampled anew. Expected and achieved variance, the squared error of the new mean, and how
@@ -10,7 +10,7 @@ often the 90 % interval holds the truth. `apart`: for each candidate either expl
 measurements are simulated, both are fitted to old and new ones together, and it is counted how often ln Bayes factors
 of the new ones reach the threshold for the true one: Brier score, and what it would be were every probability right.
 `advised`: the same of the experiments that `plan` puts first, with the probabilities that it prints, and of whole loops
-as they were measured for as many hours, at least one.
+as they were measured for as many hours, at least one; of several simulated springs together.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import argparse
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 import numpy as np
 from scipy.special import ndtri
@@ -40,7 +41,7 @@ from sma_bayes.studies.plan.candidates import CandidateExperiment, settings_of
 from sma_bayes.studies.plan.information import Knowledge, PlannedSweep, PlanTarget
 from sma_bayes.studies.plan.rivals import THRESHOLD, RivalExplanations, conditions_of, fitted_rivals, read_gap
 from sma_bayes.studies.plan.scatter import scatter_of
-from sma_bayes.studies.plan.telling_apart import SURE
+from sma_bayes.studies.plan.telling_apart import discriminations
 from sma_bayes.studies.sensitivity.quantities import QuantityDraws
 
 DRAWN = 1000
@@ -271,35 +272,79 @@ def as_measured(rivals: RivalExplanations, like: CandidateExperiment) -> Candida
     return replace(one, cycles=max(round(like.hours / one.cycle_hours), 1))
 
 
-def measure_advised(arguments: argparse.Namespace) -> None:
-    """Truths and measurements of an even design have the seeds of the advised one beside it."""
-    gap, campaign = read_gap(arguments.folder, arguments.data)
-    rivals = fitted_rivals(gap, campaign, arguments.folder / "priors.toml", 0)
-    found = sma_bayes.plan(arguments.folder, TELL_APART, data=arguments.data)
-    best = [c for c in found["candidates"] if c["probability"] >= SURE][: arguments.first] or found[
-        "candidates"
-    ][:1]
-    rng = np.random.default_rng(arguments.seed)
+def gap_of_spring(number: int, folder: Path) -> Path:
+    """A gap study of a spring that changes from cycle to cycle, in turn its level, its stroke and its zero by time."""
+    rng, clock = np.random.default_rng([77, number]), 0.0
+    size, pace, noise = rng.uniform(0.3, 1.5), rng.uniform(0.7, 3.0), rng.choice([0.1, 0.2])
+    lines = ["time_s,temperature_C,displacement_mm,cycle"]
+    up = np.linspace(25.0, 75.0, 25)
+    for cycle in range(1, 6):
+        grown = size * (1.0 - np.exp((1.0 - cycle) / pace))
+        for branch, middle in ((up, 52.0), (up[::-1], 46.0)):
+            for t in branch:
+                clock += 2.0 if cycle % 2 else 4.0
+                share = 1.0 / (1.0 + np.exp(-0.32 * (t - middle)))
+                change = (grown, 1.6 * grown * share, 0.02 * size * np.sqrt(clock))[number % 3]
+                x = 10.0 + 20.0 * share + change + noise * rng.standard_normal()
+                lines.append(f"{clock:g},{t:.4f},{x:.5g},{cycle}")
+    bench, out = folder / f"bench-{number}", folder / f"gap-{number}"
+    bench.mkdir(parents=True)
+    (bench / "a.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    (bench / "campaign.toml").write_text('[[condition]]\nid = "a"\nfile = "a.csv"\n', encoding="utf-8")
+    sma_bayes.study_gap(sma_bayes.read_campaign(bench), out, jobs=1, figures=False)
+    return out
+
+
+def carried_out(
+    folder: Path, data: Path | None, trials: int, first: int, seed: int
+) -> tuple[list[Trial], list[Trial]]:
+    """Experiments that a plan puts first, and whole loops as they were measured, about pairs that are still open.
+
+    Both have the same truths, as far as chance goes the same seeds.
+    """
+    gap, campaign = read_gap(folder, data)
+    rivals = fitted_rivals(gap, campaign, folder / "priors.toml", 0)
+    found = sma_bayes.plan(folder, TELL_APART, data=data)
+    open_pairs = [n for n, r in enumerate(found["rivals"]) if not r["told_apart"]] or range(len(rivals.pairs))
+    rng = np.random.default_rng(seed)
     advised, even = [], []
-    for i in range(arguments.trials):
-        c = best[i % len(best)]
+    for i in range(trials):
+        c = found["candidates"][i % min(first, len(found["candidates"]))]
         candidate = CandidateExperiment(
             c["condition"], c["lowest"], c["peak"], c["rate"], c["load"], c["cycles"], c["samples"], 0.0
         )
-        n = int(rng.integers(len(rivals.pairs)))
+        n = int(rng.choice(open_pairs))
         turned = bool(rng.uniform() < 0.5)
         pair = rivals.pairs[n][::-1] if turned else rivals.pairs[n]
-        said = c["pairs"][n]["if_second" if turned else "if_first"]
-        reached = trial(rivals, pair, candidate, 5000 + i).reached
-        advised.append(Trial(said, reached))
-        even.append(trial(rivals, pair, as_measured(rivals, candidate), 5000 + i))
-        print(f"{candidate.cycles} x {candidate.peak:.4g}, {candidate.rate:.3g}/s: {said:.3f} {reached}; "
-              f"as measured {even[-1].reached}", flush=True)  # fmt: skip
-    for name, trials in (("advised", advised), ("as measured", even)):
+        side = "if_second" if turned else "if_first"
+        advised.append(Trial(c["pairs"][n][side], trial(rivals, pair, candidate, 5000 + i).reached))
+        other = as_measured(rivals, candidate)
+        told = discriminations(rivals, other)[n]
+        even.append(Trial(getattr(told, side), trial(rivals, pair, other, 5000 + i).reached))
+    return advised, even
+
+
+def measure_advised(arguments: argparse.Namespace) -> None:
+    everything: dict[str, list[Trial]] = {"advised": [], "as measured": []}
+    with TemporaryDirectory() as place:
+        for number in range(arguments.springs):
+            folder = gap_of_spring(number, Path(place))
+            both = carried_out(folder, None, arguments.trials, arguments.first, arguments.seed)
+            for own, new in zip(everything.values(), both, strict=True):
+                own += new
+            text = ", ".join(f"{np.mean([t.reached for t in own]):.2f}" for own in both)
+            print(f"spring {number}: told apart, advised and as measured: {text}", flush=True)
+    for name, trials in everything.items():
         score, right = brier(trials)
-        p, reached = ([getattr(t, what) for t in trials] for what in ("probability", "reached"))
-        print(f"{name}: said {np.mean(p):.3f}, reached {np.mean(reached):.3f}; Brier score {score:.4f}, {right:.4f} "
-              f"were all probabilities right; {len(trials)} simulations")  # fmt: skip
+        p, reached = (np.array([getattr(t, what) for t in trials]) for what in ("probability", "reached"))
+        print(f"{name}: said {p.mean():.3f}, reached {reached.mean():.3f}; Brier score {score:.4f}, {right:.4f} were "
+              f"all probabilities right; {len(trials)} simulations")  # fmt: skip
+        for low, high in ((0.0, 0.2), (0.2, 0.8), (0.8, 1.01)):
+            own = (low <= p) & (p < high)
+            if own.any():
+                miss = float(np.mean((p[own] - reached[own]) ** 2))
+                print(f"    said {low:g} to {min(high, 1.0):g}: {own.sum()}, {p[own].mean():.3f} on average, "
+                      f"{reached[own].mean():.3f} reached; Brier score {miss:.4f}")  # fmt: skip
 
 
 def main() -> None:
@@ -322,10 +367,9 @@ def main() -> None:
     apart.add_argument("--seed", type=int, default=0)
     apart.set_defaults(measure=measure_apart)
     advised = kinds.add_parser("advised")
-    advised.add_argument("folder", type=Path)
-    advised.add_argument("--data", type=Path)
-    advised.add_argument("--trials", type=int, default=40)
-    advised.add_argument("--first", type=int, default=5)
+    advised.add_argument("--springs", type=int, default=12)
+    advised.add_argument("--trials", type=int, default=200)
+    advised.add_argument("--first", type=int, default=3)
     advised.add_argument("--seed", type=int, default=0)
     advised.set_defaults(measure=measure_advised)
     arguments = parser.parse_args()

@@ -115,3 +115,22 @@ def test_explanations_are_told_apart_as_often_as_was_said(tmp_path: Path) -> Non
     assert score <= right + 0.08
     said, reached = (np.mean([getattr(t, name) for t in found]) for name in ("probability", "reached"))
     assert said == pytest.approx(reached, abs=0.2)
+
+
+def test_advised_experiments_keep_their_promise_and_beat_an_even_design(tmp_path: Path) -> None:
+    """100 of the three that a plan puts first for each of two springs, and whole loops for as many hours.
+
+    Of experiments that tell apart as often as was said the score exceeds `right` by 0.08 in less than 1 of 10^3 cases,
+    and that of those said with 0.8 or more, 0.999 on average, 0.05 in less than 1 of 10^3. In 2,400 experiments of
+    twelve springs advice and even design gave 0.77 and 0.41 for the first: a difference below 0.2 is 3 standard errors.
+    """
+    from measure_plan import brier, carried_out, gap_of_spring
+
+    first, even = carried_out(gap_of_spring(7, tmp_path), None, 100, 3, 0)
+    assert np.mean([t.reached for t in first]) > np.mean([t.reached for t in even]) + 0.2
+    second, _ = carried_out(gap_of_spring(10, tmp_path), None, 100, 3, 0)
+    score, right = brier(first + second)
+    assert score <= right + 0.08
+    sure = [t for t in second if t.probability >= 0.8]
+    assert len(sure) >= 20
+    assert brier(sure)[0] <= 0.05
