@@ -14,13 +14,7 @@ NAMED = 3
 
 @dataclass(frozen=True, slots=True)
 class ReasonGroup:
-    """Records whose first reason is of one kind.
-
-    Attributes
-    ----------
-    kind : str
-    records : tuple of RecordSummary
-    """
+    """Records whose first reason is of one kind."""
 
     kind: str
     records: tuple[RecordSummary, ...]

@@ -20,12 +20,7 @@ LONG_MEMORY = 0.95
 
 
 def cautions(found: GapOfModel) -> list[str]:
-    """Sentences, one for each reason to doubt.
-
-    Parameters
-    ----------
-    found : GapOfModel
-    """
+    """Sentences, one for each reason to doubt."""
     out = _about_names(found) if found.verdict == "named" else _about_carrying_over(found)
     for e in found.added:
         far = [name for name, p in e.parameters.items() if p.outside_prior]

@@ -37,10 +37,6 @@ class Comparable:
 def comparable(campaign: Campaign) -> Comparable:
     """What of a campaign can be studied.
 
-    Parameters
-    ----------
-    campaign : Campaign
-
     Raises
     ------
     MeasurementError

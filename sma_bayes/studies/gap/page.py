@@ -97,12 +97,7 @@ def share_text(gap: StatedGap) -> str:
 
 
 def place_text(found: GapOfModel) -> str:
-    """Channel and covariate in which the baseline disagrees most, by the flexible term that brings most.
-
-    Parameters
-    ----------
-    found : GapOfModel
-    """
+    """Channel and covariate in which the baseline disagrees most, by the flexible term that brings most."""
     if found.periodic:
         return periodic_text(found.channels, found.periodic[0])
     flexible = found.rounds[0].flexible

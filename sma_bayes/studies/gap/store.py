@@ -27,12 +27,6 @@ SERIES = Path("series.csv")
 def write_study(folder: Path, outcome: GapOutcome, *, seed: int) -> None:
     """Write ``series.csv`` and, where an effect was added, ``posterior/gap.nc``; of the heat balance a file of its own.
 
-    Parameters
-    ----------
-    folder : Path
-    outcome : GapOutcome
-    seed : int
-
     Raises
     ------
     OutputError
@@ -56,12 +50,6 @@ def _write_tree(path: Path, tree: Any) -> None:
 
 def posterior_tree(outcome: GapOutcome, draws: Draws, seed: int) -> Any:
     """Draws of the final model as `arviz.from_netcdf` opens them.
-
-    Parameters
-    ----------
-    outcome : GapOutcome
-    draws : Draws
-    seed : int
 
     Returns
     -------

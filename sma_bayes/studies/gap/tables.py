@@ -48,12 +48,7 @@ NOT_THERE: Final = frozenset({"lattice", "flat_tops"})
 
 
 def gap_tables(study: StoredStudy) -> dict[str, Table]:
-    """All tables of a study, by name.
-
-    Parameters
-    ----------
-    study : StoredStudy
-    """
+    """All tables of a study, by name."""
     made = (
         disagreement_table(study),
         effect_table(study),

@@ -42,12 +42,7 @@ def p_text(p: float) -> str:
 
 
 def remainder_text(found: GapOfModel) -> str:
-    """What named effects leave to a flexible term, and where; empty where they leave nothing beyond chance.
-
-    Parameters
-    ----------
-    found : GapOfModel
-    """
+    """What named effects leave to a flexible term, and where; empty where they leave nothing beyond chance."""
     left = found.remaining
     if left.share is None or left.p_value > found.thresholds.p_value:
         return ""
@@ -57,12 +52,7 @@ def remainder_text(found: GapOfModel) -> str:
 
 
 def shape_text(found: GapOfModel) -> str:
-    """How much of what has no name is the shape of the curve; empty where a name is given or that is little.
-
-    Parameters
-    ----------
-    found : GapOfModel
-    """
+    """How much of what has no name is the shape of the curve; empty where a name is given or that is little."""
     shape = found.rounds[-1].shape if found.rounds else None
     if found.verdict != "unnamed" or shape is None:
         return ""
@@ -76,10 +66,6 @@ def shape_text(found: GapOfModel) -> str:
 
 def closed_text(found: GapOfModel) -> str:
     """How far residuals on held-out measurements came down, beside the noise and in the units of the channels.
-
-    Parameters
-    ----------
-    found : GapOfModel
 
     Returns
     -------
@@ -101,11 +87,6 @@ def closed_text(found: GapOfModel) -> str:
 def periodic_text(channels: Channels, line: StatedPeriodicity) -> str:
     """A disturbance that repeats in time, in words.
 
-    Parameters
-    ----------
-    channels : mapping of str to NamedChannel
-    line : StatedPeriodicity
-
     Returns
     -------
     str
@@ -119,13 +100,7 @@ def periodic_text(channels: Channels, line: StatedPeriodicity) -> str:
 
 
 def channel_text(channels: Channels, channel: str) -> str:
-    """Name of a channel as this campaign calls it: ``strain``; of several together, what is done to them.
-
-    Parameters
-    ----------
-    channels : mapping of str to NamedChannel
-    channel : str
-    """
+    """Name of a channel as this campaign calls it: ``strain``; of several together, what is done to them."""
     facts = channels.get(channel)
     return facts.name if facts else TOGETHER.get(channel, channel)
 

@@ -50,12 +50,7 @@ APART: Final = 14.0
 
 
 def residual_maps(study: StoredStudy) -> Drawing:
-    """Residuals over temperature and cycle, or condition, before and after the effects were added.
-
-    Parameters
-    ----------
-    study : StoredStudy
-    """
+    """Residuals over temperature and cycle, or condition, before and after the effects were added."""
     samples = study.samples
     channels = samples.distinct("channel")
     branches = [b for b in COLOURS if b in samples.distinct("branch")]
@@ -198,12 +193,7 @@ def _map_data(
 
 
 def disagreement_loops(study: StoredStudy) -> Drawing:
-    """Channels against temperature with the stretches of disagreement marked by their number.
-
-    Parameters
-    ----------
-    study : StoredStudy
-    """
+    """Channels against temperature with the stretches of disagreement marked by their number."""
     found = study.part.disagreement
     places = list(dict.fromkeys((d.condition, d.channel) for d in found))
     if not places:

@@ -55,12 +55,7 @@ DODGE: Final = 0.07
 
 
 def ladder_figure(study: StoredStudy) -> Drawing:
-    """Round by round: what candidates and flexible terms were worth; beside it the gap on held-out measurements.
-
-    Parameters
-    ----------
-    study : StoredStudy
-    """
+    """Round by round: what candidates and flexible terms were worth; beside it the gap on held-out measurements."""
     rounds = study.part.rounds
     bars = [_bars(r, study.part) for r in rounds]
     tall = [max(len(b), 1) for b in bars]
@@ -187,13 +182,7 @@ def _gap(ax: Axes, gap: StatedGap, after: str) -> None:
 
 
 def effect_figure(study: StoredStudy, effect: AddedEffect) -> Drawing:
-    """What an effect adds to each channel that it changes, along the covariate where that varies most.
-
-    Parameters
-    ----------
-    study : StoredStudy
-    effect : AddedEffect
-    """
+    """What an effect adds to each channel that it changes, along the covariate where that varies most."""
     name = effect.id
     channels = _changed(study.samples, name)
     covariates = [_covariate(study.samples.of(channel=c), name) for c in channels]
@@ -369,12 +358,7 @@ def _curve_legend(
 
 
 def effect_parameter_figure(study: StoredStudy) -> Drawing:
-    """Posterior of each parameter of each effect, with its prior behind.
-
-    Parameters
-    ----------
-    study : StoredStudy
-    """
+    """Posterior of each parameter of each effect, with its prior behind."""
     places = [(e, n, p) for e in study.effects for n, p in e.parameters.items()]
     columns = min(4, len(places))
     lines = math.ceil(len(places) / columns)
