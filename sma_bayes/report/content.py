@@ -352,7 +352,6 @@ class Content:
 
     Attributes
     ----------
-    campaign, source : str
     records : tuple of RecordContent
     loops : tuple of QuantityInterval
     findings : tuple of FindingDocument
@@ -371,8 +370,6 @@ class Content:
         What the thermometer of a condition truly read too much [K]; empty where `truth` is.
     """
 
-    campaign: str
-    source: str
     records: tuple[RecordContent, ...]
     loops: tuple[QuantityInterval, ...]
     findings: tuple[FindingDocument, ...]

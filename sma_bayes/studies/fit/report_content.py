@@ -46,8 +46,6 @@ def report_content(run: StoredRun) -> Content:
         for shown, stored in zip(summary.records, run.summary.records, strict=True)
     )
     return Content(
-        campaign=summary.campaign,
-        source=summary.source,
         records=records,
         loops=summary.loops,
         findings=summary.findings,
