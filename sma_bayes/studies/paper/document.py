@@ -14,7 +14,6 @@ from sma_bayes.studies.compare.schema import OverallModel, StoredComparison
 from sma_bayes.studies.conditions.effects import SettingEffect
 from sma_bayes.studies.identity import all_versions
 from sma_bayes.studies.paper.claims import claims
-from sma_bayes.studies.paper.claims.claim import Claim
 from sma_bayes.studies.paper.claims.correlation import straight_line_correlation
 from sma_bayes.studies.paper.distance import distances
 from sma_bayes.studies.paper.export import SOURCE
@@ -56,7 +55,7 @@ def reproduction_document(
         campaign=study.campaign.name,
         versions=all_versions(),
         data_sha256=study.campaign.sha256,
-        claims=tuple(judged_claim(c) for c in claims(study)),
+        claims=tuple(map(JudgedClaim.about, claims(study))),
         implied_correlation=implied_average(),
         straight_line_correlation=straight_line_correlation(study),
         correlation_average=_averages(study),
@@ -67,15 +66,6 @@ def reproduction_document(
         },
         tables={number: tuple(entries) for number, entries in tables.items()},
         figures=tuple(map(PageFigure.about, figures)),
-    )
-
-
-def judged_claim(claim: Claim) -> JudgedClaim:
-    """A claim with its verdict."""
-    return JudgedClaim.about(
-        claim,
-        claim=claim.text,
-        allowed_error=claim.allowed,
     )
 
 
@@ -112,7 +102,4 @@ def _model(m: OverallModel) -> ModelOfTwin:
 
 
 def _effect(e: SettingEffect) -> PrintedEffect:
-    return PrintedEffect.about(
-        e,
-        tested=None if e.tested is None else e.tested["median"],
-    )
+    return PrintedEffect.about(e, tested=None if e.tested is None else e.tested["median"])

@@ -25,14 +25,13 @@ DRAWS: Final = 8
 """Printed numbers have no posterior; as many equal draws stand for one."""
 
 
-def printed_effects(table: PrintedTable, seed: int = 0) -> dict[str, SettingEffect]:
+def printed_effects(table: PrintedTable) -> dict[str, SettingEffect]:
     """What the setting of a table does to each printed quantity and what follows from it, by name.
 
     Parameters
     ----------
     table : PrintedTable
         One of Tables 9 to 12.
-    seed : int
     """
     rows = {EXTREME_CONDITIONS[name]: row for name, row in extremes(table).items()}
     if table is TABLE_9:
@@ -41,7 +40,7 @@ def printed_effects(table: PrintedTable, seed: int = 0) -> dict[str, SettingEffe
             for end in ("min", "max")
         }
     features = [f for condition, row in rows.items() for f in _features(condition, row)]
-    return {e.feature: e for e in operating_effects(features, seed=seed)}
+    return {e.feature: e for e in operating_effects(features)}
 
 
 def second_run() -> dict[str, float]:

@@ -53,7 +53,7 @@ class Claim:
 
     Attributes
     ----------
-    id, text : str
+    id, claim : str
     lines : tuple of int
         Of the source text.
     evidence : tuple of EvidenceForClaim
@@ -64,19 +64,19 @@ class Claim:
         Settings from which the one of the claim can't be told in the tests that count.
     lost : str
         Numbers of which the claim speaks and which are lost; empty for none.
-    allowed : float
+    allowed_error : float
         Error that a verdict may have: `judged` sets it [1].
     """
 
     id: str
-    text: str
+    claim: str
     lines: tuple[int, ...]
     evidence: tuple[EvidenceForClaim, ...]
     why: str
     errata: tuple[str, ...] = ()
     confounded: tuple[str, ...] = ()
     lost: str = ""
-    allowed: float = 1.0 - SURE
+    allowed_error: float = 1.0 - SURE
 
     @property
     def error(self) -> float | None:
@@ -104,9 +104,9 @@ class Claim:
         found = self._probabilities
         if not found or self.confounded or self.lost:
             return OPEN
-        if 1.0 - min(found) <= self.allowed:
+        if 1.0 - min(found) <= self.allowed_error:
             return HOLDS
-        return FAILS if max(found) <= self.allowed else OPEN
+        return FAILS if max(found) <= self.allowed_error else OPEN
 
 
 def judged(claims: Sequence[Claim]) -> tuple[Claim, ...]:
@@ -121,4 +121,4 @@ def judged(claims: Sequence[Claim]) -> tuple[Claim, ...]:
     errors = {i: c.error for i, c in enumerate(claims) if c.error is not None}
     limits = holm_limits(np.array(list(errors.values())), 1.0 - SURE).tolist()
     allowed = dict(zip(errors, limits, strict=True))
-    return tuple(replace(c, allowed=allowed.get(i, c.allowed)) for i, c in enumerate(claims))
+    return tuple(replace(c, allowed_error=allowed.get(i, c.allowed_error)) for i, c in enumerate(claims))

@@ -19,8 +19,8 @@ from sma_bayes.studies.paper.claims.claim import (
     from_twin,
     judged,
 )
-from sma_bayes.studies.paper.document import judged_claim
 from sma_bayes.studies.paper.page import _untypeset, anchor, pipes, probability
+from sma_bayes.studies.paper.schema import JudgedClaim
 from sma_bayes.studies.paper.tables import printed_spread
 
 
@@ -49,7 +49,7 @@ def test_a_verdict_needs_all_evidence_that_counts(
     assert claim(*evidence).verdict == verdict
     for circular in (0.0, 1.0):
         assert claim(*evidence, from_twin("", circular)).verdict == verdict
-        assert judged_claim(claim(*evidence)).verdict == verdict
+        assert JudgedClaim.about(claim(*evidence)).verdict == verdict
 
 
 def test_evidence_that_does_not_count_decides_nothing() -> None:
@@ -68,7 +68,7 @@ def test_verdicts_are_those_of_holm() -> None:
     several = [claim(from_print("", p)) for p in (0.97, 0.999, 0.012, 0.98, None)]
     found = judged(several)
     assert [c.verdict for c in found] == [HOLDS, HOLDS, FAILS, HOLDS, OPEN]
-    assert [round(c.allowed, 6) for c in found[:4]] == [0.05, 0.0125, round(0.05 / 3, 6), 0.025]
+    assert [round(c.allowed_error, 6) for c in found[:4]] == [0.05, 0.0125, round(0.05 / 3, 6), 0.025]
     stopped = judged([claim(from_print("", p)) for p in (0.96, 0.999, 0.97, 0.96)])
     assert [c.verdict for c in stopped] == [OPEN, HOLDS, OPEN, OPEN]
 
