@@ -22,7 +22,7 @@ NEEDED = "room and permission"
 
 
 @contextmanager
-def writing(path: Path, *, nbytes: int = 0, what: str = NEEDED) -> Iterator[None]:
+def writing(path: Path, *, nbytes: int = 0) -> Iterator[None]:
     """Turn every failure to write a file into one `OutputError`.
 
     HDF5 can't close a file that it can't finish, and complains again whenever one of its objects is disposed of.
@@ -34,8 +34,6 @@ def writing(path: Path, *, nbytes: int = 0, what: str = NEEDED) -> Iterator[None
         File, or place of the file, in a folder that exists.
     nbytes : int
         Bytes that will be written at most, if known.
-    what : str
-        What is needed, for the message.
 
     Raises
     ------
@@ -46,14 +44,13 @@ def writing(path: Path, *, nbytes: int = 0, what: str = NEEDED) -> Iterator[None
     try:
         free = shutil.disk_usage(path.parent).free
         if nbytes and free < nbytes + MARGIN:
-            raise unwritable(
-                path, f"{free / 1e6:.3g} MB are free, {(nbytes + MARGIN) / 1e6:.3g} MB needed", what
-            )
+            lacking = f"{free / 1e6:.3g} MB are free, {(nbytes + MARGIN) / 1e6:.3g} MB needed"
+            raise unwritable(path, lacking, NEEDED)
         sys.unraisablehook = lambda _: None
         yield
     except (OSError, RuntimeError) as error:
         traceback.clear_frames(error.__traceback__)
-        raise unwritable(path, reason(error), what) from None
+        raise unwritable(path, reason(error), NEEDED) from None
     finally:
         sys.unraisablehook = hook
 

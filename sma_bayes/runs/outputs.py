@@ -153,14 +153,8 @@ def read_run(folder: Path) -> StoredRun:
             "is not a folder", file=folder, expected="the output folder of a fit", remedy="check the path"
         )
     if not (folder / FIT.file).is_file():
-        other = next(
-            (
-                d
-                for d in (GAP, CARD, COMPARISON, CONDITIONS, SENSITIVITY, SIMULATION, STUDY)
-                if (folder / d.file).is_file()
-            ),
-            None,
-        )
+        others = (GAP, CARD, COMPARISON, CONDITIONS, SENSITIVITY, SIMULATION, STUDY)
+        other = next((d for d in others if (folder / d.file).is_file()), None)
         if other:
             raise OutputError(
                 f"holds {other.what}, no fit",

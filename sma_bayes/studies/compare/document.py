@@ -84,22 +84,16 @@ def _classes(comparison: Comparison) -> tuple[tuple[str, ...], ...]:
 
 def _model(comparison: Comparison, contender: Contender) -> ComparedModel:
     name = contender.name
-    head: dict[str, Any] = {
-        "family": contender.family,
-        "variant": contender.variant,
-        "title": contender.title,
-        "same_as": comparison.copies.get(name),
-        "unavailable": comparison.unavailable.get(name),
-    }
+    head = {"same_as": comparison.copies.get(name), "unavailable": comparison.unavailable.get(name)}
     found = _resolved(comparison, contender)
     if found is None:
         nothing: dict[str, Any] = dict.fromkeys(NUMBERS)
-        return ComparedModel(**head, **nothing, converged=None)
+        return ComparedModel.about(contender, **head, **nothing, converged=None)
     weight = comparison.weights[name] if name in comparison.fitted else 0.0
     extra: dict[str, Any] = (
         {"coefficients": 4, "rank": comparison.rank} if contender.family == "polynomial" else {}
     )
-    return ComparedModel(**head, weight=weight, **_numbers(comparison, found), **extra)
+    return ComparedModel.about(contender, **head, weight=weight, **_numbers(comparison, found), **extra)
 
 
 def _numbers(comparison: Comparison, found: FittedContender) -> dict[str, Any]:

@@ -32,6 +32,7 @@ ERRORS: Final = 2.0
 """Standard errors by which the Bayes factor must exceed it."""
 AGAINST: Final = 1.5
 """Standard errors by which held-out measurements may lean to another family without speaking against."""
+ROUNDS: Final = 2000
 LEVEL: Final = 0.95
 """Of the interval of a held-out difference."""
 
@@ -147,7 +148,7 @@ def _probability(best: Standing, voting: Sequence[Standing]) -> float:
     return float(1.0 / np.sum(np.exp(np.array(champions) - best.ln_evidence)))
 
 
-def stacking_weights(log_density: Mapping[str, Floats], *, rounds: int = 2000) -> dict[str, float]:
+def stacking_weights(log_density: Mapping[str, Floats]) -> dict[str, float]:
     """Weights with which a mixture of the models predicts held-out samples best.
 
     Maximises the mean of ``ln sum of w p`` by expectation-maximisation, which never leaves the simplex.
@@ -156,7 +157,6 @@ def stacking_weights(log_density: Mapping[str, Floats], *, rounds: int = 2000) -
     ----------
     log_density : mapping of str to ndarray, shape (n,)
         Held-out log density of each sample under each model.
-    rounds : int
 
     References
     ----------
@@ -172,7 +172,7 @@ def stacking_weights(log_density: Mapping[str, Floats], *, rounds: int = 2000) -
     values = np.stack([log_density[n] for n in names])
     p = np.exp(values - values.max(axis=0))
     weight = np.full(len(names), 1.0 / len(names))
-    for _ in range(rounds):
+    for _ in range(ROUNDS):
         share = weight[:, None] * p
         new = (share / share.sum(axis=0)).mean(axis=1)
         if np.max(np.abs(new - weight)) < 1e-9:
