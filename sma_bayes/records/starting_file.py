@@ -313,7 +313,7 @@ class _Writer:
     def text(self) -> str:
         """The whole file."""
         columns = [self._columns(s) for s in self.sources]
-        readings = [self._reading(s) for s in self.sources]
+        readings = [[f"{key} = {_toml(value)}" for key, value in s.reading.items()] for s in self.sources]
         common = all(_bare(c) == _bare(columns[0]) for c in columns)
         same_reading = all(r == readings[0] for r in readings)
         lines = [
@@ -362,9 +362,6 @@ class _Writer:
             if not source.names or source.names[i]
         ]
         return lines + ([f"# columns not used: {', '.join(named)}"] if named else [])
-
-    def _reading(self, source: _Source) -> list[str]:
-        return [f"{key} = {_toml(value)}" for key, value in source.reading.items()]
 
     def _settings(self, source: _Source) -> list[str]:
         """What was set on the rig: told by the name, or a load that the file shows to be held."""

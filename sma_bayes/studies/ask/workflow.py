@@ -428,7 +428,11 @@ def _answer(
     degrees = stored[0] if terms.temperature_unit is None else terms.temperature_unit
     low, high = (_temperature(t, stored[0], degrees) for t in (draws.coldest, draws.hottest))
     ends = (low - terms.extrapolate, high + terms.extrapolate)
-    curve = _in_units(_curve(run, draws, asked, stored[1]), stored, (degrees, unit))
+    as_stored = _curve(run, draws, asked, stored[1])
+
+    def curve(temperature: Floats) -> Floats:
+        return convert(as_stored(convert(temperature, degrees, stored[0])), stored[1], unit)
+
     t = search_grid(low, high, terms.extrapolate)
     found = passages(curve, t, target)
     level = terms.probability
@@ -537,11 +541,6 @@ def _converted(value: float, unit: str, to: str, what: str) -> float:
         return float(convert(value, unit, to, what=what))
     except QuantityError as error:  # what is proposed there is meant for files
         raise error.but(remedy=None) from None
-
-
-def _in_units(curve: Curve, stored: tuple[str, str], asked: tuple[str, str]) -> Curve:
-    """The same curve in other units of temperature and of its value."""
-    return lambda temperature: convert(curve(convert(temperature, asked[0], stored[0])), stored[1], asked[1])
 
 
 def _curve(run: FitSource, draws: RecordDraws, channel: str, unit: str) -> Curve:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -43,7 +43,8 @@ def conditions_text(stated: Mapping[str, Any]) -> str:
     found = in_declared_units(ConditionsDocument.model_validate(stated))
     lines, specimen = [f"{found.campaign}, seed {found.seed}"], found.specimen
     if found.model_choice is not None:
-        lines.append(f"model {found.model_choice.reason}{_again(found.refitted)}")
+        again = f"; fitted again with it: {', '.join(found.refitted)}" if found.refitted else ""
+        lines.append(f"model {found.model_choice.reason}{again}")
     for group in found.groups:
         ranges = [
             _range_text(n, min(v.values), max(v.values), v.unit, specimen) for n, v in group.varied.items()
@@ -74,10 +75,6 @@ def conditions_text(stated: Mapping[str, Any]) -> str:
     if not found.converged:
         lines.append(f"NOT CONVERGED: the numbers must not be relied on; {FIT_AGAIN}.")
     return "\n".join(lines)
-
-
-def _again(keys: Sequence[str]) -> str:
-    return f"; fitted again with it: {', '.join(keys)}" if keys else ""
 
 
 def _sure(effect: StatedEffect) -> bool:

@@ -28,7 +28,9 @@ class ReasonGroup:
     def quoted(self) -> str:
         """The reason of one record, by name where there are several."""
         if self.kind == "curve":
-            worst = max(self.records, key=_share_missed)
+            worst = max(
+                self.records, key=lambda r: max((d.share for d in r.discrepancy.values()), default=0.0)
+            )
             which = f"most of all {worst.key}: "
         else:
             worst = self.records[0]
@@ -43,7 +45,3 @@ def reason_groups(records: Iterable[RecordSummary]) -> tuple[ReasonGroup, ...]:
         if r.why:
             kinds.setdefault(r.why[0].kind, []).append(r)
     return tuple(ReasonGroup(kind, tuple(found)) for kind, found in kinds.items())
-
-
-def _share_missed(r: RecordSummary) -> float:
-    return max((d.share for d in r.discrepancy.values()), default=0.0)

@@ -165,7 +165,11 @@ def render(
         noise_table=_narrow(tables["noise"]),
         methods=methods_text(content),
         groups=finding_groups(content.findings),
-        arbitrary=any(_has_arbitrary_unit(r) for r in content.records),
+        arbitrary=any(
+            ARBITRARY in u
+            for r in content.records
+            for u in (r.temperature_unit, *(c.unit for c in r.channels))
+        ),
         numbered=numbered,
     )
 
@@ -185,10 +189,6 @@ def _by_path_message(records: Sequence[RecordContent]) -> list[tuple[str, list[R
     for r in records:
         found.setdefault(r.document.path.message, []).append(r)
     return list(found.items())
-
-
-def _has_arbitrary_unit(record: RecordContent) -> bool:
-    return any(ARBITRARY in unit for unit in (record.temperature_unit, *(c.unit for c in record.channels)))
 
 
 def parameter_overview(content: Content) -> tuple[Table, ...]:

@@ -48,16 +48,10 @@ def _about_sweeps(found: GapOfModel) -> list[str]:
     if law is None or not found.sweeps.numbers:
         return []
     named = [e.id for e in found.effects if e.id in OF_CYCLES]
+    if law.untestable.startswith("not testable"):
+        return [f"Whether sweeps differ by a law of the cycle or by chance is {law.untestable}."]
     if law.untestable:
-        return (
-            [
-                f"Whether sweeps differ by a law of the cycle or by chance is {law.untestable}."
-                if law.untestable.startswith("not testable")
-                else f"{', '.join(named)}: {law.untestable}."
-            ]
-            if named or law.untestable.startswith("not testable")
-            else []
-        )
+        return [f"{', '.join(named)}: {law.untestable}."] if named else []
     if named and law.p_value is not None and law.p_value > found.thresholds.p_value:
         return [
             f"{', '.join(named)}: other orders of the cycles fit a law as well ({p_text(law.p_value)} by exchanging "

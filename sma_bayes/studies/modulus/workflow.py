@@ -285,19 +285,20 @@ def _shift(branch: str, name: str, points: Sequence[ShiftPoint], degrees: ShownU
         np.array(values) for values in zip(*((p.frequency, p.temperature, p.sd) for p in points), strict=True)
     )
     title = name.replace("_", " ")
+    untold = FrequencyShift(
+        branch=branch,
+        temperature=name,
+        points=tuple(points),
+        shift=None,
+        probability_rises=None,
+        scatter=None,
+        activation_energy=None,
+        least_energy=None,
+        identified=False,
+        statement=f"{title}: one frequency, no shift can be told",
+    )
     if np.unique(frequency).size < 2:
-        return FrequencyShift(
-            branch=branch,
-            temperature=name,
-            points=tuple(points),
-            shift=None,
-            probability_rises=None,
-            scatter=None,
-            activation_energy=None,
-            least_energy=None,
-            identified=False,
-            statement=f"{title}: one frequency, no shift can be told",
-        )
+        return untold
     found = arrhenius(frequency, temperature, sd)
     low, middle, high = (degrees.factor * q for q in found.shift)
     shift = f"{middle:+.2g} {unit_text(degrees.shown)} per decade of frequency ({low:+.2g} to {high:+.2g})"
@@ -313,10 +314,7 @@ def _shift(branch: str, name: str, points: Sequence[ShiftPoint], degrees: ShownU
         )
         if e50 < 0.0:
             told += ": the temperature falls with frequency, as no thermally activated process does"
-    return FrequencyShift(
-        branch=branch,
-        temperature=name,
-        points=tuple(points),
+    return untold.but(
         shift=_interval(found.shift),
         probability_rises=found.probability_rises,
         scatter=_interval(found.scatter),

@@ -111,7 +111,12 @@ class BothDraws:
 
     def drawn(self, size: int, rng: np.random.Generator) -> BothDraws:
         """So many of the draws of either branch, paired at random; some several times where there are fewer."""
-        return BothDraws(*(_some(d, size, rng) for d in (self.heating, self.cooling)))
+
+        def some(d: RecordDraws) -> RecordDraws:
+            fewer = d.size < size
+            return _these(d, rng.integers(0, d.size, size) if fewer else rng.permutation(d.size)[:size])
+
+        return BothDraws(some(self.heating), some(self.cooling))
 
     def with_unseen_misfit(self, rng: np.random.Generator) -> BothDraws:
         """Curves that may miss what their readings do not show; see `sma_bayes.assess.unseen_misfit`."""
@@ -120,13 +125,6 @@ class BothDraws:
     def derived(self, channel: str) -> bool:
         """Whether a channel follows from the slopes of two others."""
         return channel == "stiffness" and channel not in self.heating.channels
-
-
-def _some(draws: RecordDraws, size: int, rng: np.random.Generator) -> RecordDraws:
-    return _these(
-        draws,
-        rng.permutation(draws.size)[:size] if size <= draws.size else rng.integers(0, draws.size, size),
-    )
 
 
 def _these(draws: RecordDraws, which: Ints | slice) -> RecordDraws:

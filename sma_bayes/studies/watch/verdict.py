@@ -198,7 +198,8 @@ def _change(reference: Reference, began: _Began, units: Shown) -> ChangeDocument
         )
     causes = tuple(_cause(n, change) for n in found)
     best, specimen = causes[0], reference.strands[0].record.specimen
-    told = f"{best.title} ({_amounts(best, units, specimen)}), {best.share:.0%} of the change"
+    amounts = ", ".join(_amount(shown_part(a, units, specimen=specimen)) for a in best.amounts)
+    told = f"{best.title} ({amounts}), {best.share:.0%} of the change"
     if len(causes) > 1:
         others = "; ".join(c.title for c in causes[1:])
         told += f"; these cycles can't tell it from: {others}"
@@ -223,19 +224,12 @@ def _cause(n: NamedCause, change: Change) -> CauseDocument:
     )
 
 
-def _amounts(cause: CauseDocument, units: Shown, specimen: bool) -> str:
-    return ", ".join(
-        f"{a.name.replace('_', ' ')} {_amount(shown_part(a, units, specimen=specimen))}"
-        for a in cause.amounts
-    )
-
-
 def _amount(a: AmountDocument) -> str:
-    """A stretch, which is a logarithm in the document, in percent."""
-    ends = (a.median, a.q05, a.q95)
+    """What has changed, and by how much; a stretch, which is a logarithm in the document, in percent."""
+    ends, name = (a.median, a.q05, a.q95), a.name.replace("_", " ")
     if a.name not in STRETCHES:
-        return f"{interval_text(*ends)} {unit_label(a.unit)}".strip()
-    return f"{interval_text(*(None if v is None else 100.0 * math.expm1(v) for v in ends))} %"
+        return f"{name} {interval_text(*ends)} {unit_label(a.unit)}".rstrip()
+    return f"{name} {interval_text(*(None if v is None else 100.0 * math.expm1(v) for v in ends))} %"
 
 
 def _statement(
