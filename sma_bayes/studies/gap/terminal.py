@@ -6,11 +6,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from rich.console import Console
 from rich.table import Table
 
 from sma_bayes.report.notation import interval_text, unit_label
-from sma_bayes.report.screen import screen, show_end
+from sma_bayes.report.screen import Screen, screen, show_end
 from sma_bayes.studies.gap.schema import (
     AddedEffect,
     EffectParameter,
@@ -46,41 +45,35 @@ def show_gap(stated: dict[str, Any], out: Path) -> None:
     _show_part(console, found, found.campaign, reason)
     if found.heating is not None:
         _show_part(console, found.heating, f"{found.campaign}, heating (temperature from current)")
-        console.print(f"heat balance: {_numbers(found.heating.parameters)}", soft_wrap=True)
-    for text in (*found.declared_differently, *found.remarks):
-        console.print(f"note: {text}", soft_wrap=True)
+        console.tell(f"heat balance: {_numbers(found.heating.parameters)}")
+    console.tell(*(f"note: {text}" for text in (*found.declared_differently, *found.remarks)))
     if not found.converged:
-        console.print(
-            "NOT CONVERGED: draws and intervals must not be relied on; the verdict does not rest on them.",
-            soft_wrap=True,
+        console.tell(
+            "NOT CONVERGED: draws and intervals must not be relied on; the verdict does not rest on them."
         )
     show_end(console, stated, out)
 
 
-def _show_part(console: Console, found: GapFindings | HeatingFindings, title: str, reason: str = "") -> None:
+def _show_part(console: Screen, found: GapFindings | HeatingFindings, title: str, reason: str = "") -> None:
     """The response, or the heat balance."""
     chance = p_text(found.p_value)
     verdict = VERDICTS[found.verdict]
     if found.verdict == "named" and remainder_text(found):
         verdict = f"{verdict}, {remainder_text(found)}"
-    console.print(f"{title}: {verdict} ({chance})", soft_wrap=True)
+    console.tell(f"{title}: {verdict} ({chance})")
     if shape_text(found):
-        console.print(f"  {shape_text(found)}", soft_wrap=True)
+        console.tell(f"  {shape_text(found)}")
     if reason:
-        console.print(f"  model {reason}", soft_wrap=True)
+        console.tell(f"  model {reason}")
     for line in found.periodic[:3]:
-        console.print(
-            f"  {periodic_text(found.channels, line)} ({line.size_sigma:.1f} sigma)", soft_wrap=True
-        )
+        console.tell(f"  {periodic_text(found.channels, line)} ({line.size_sigma:.1f} sigma)")
     for d in found.disagreement[:3]:
-        console.print(
+        console.tell(
             f"  {d.condition} {d.branch}: {channel_text(found.channels, d.channel)} "
             f"{d.side} the model, {covariate_text(found.channels, d.covariate)} "
-            f"{f'{d.from_:.4g} to {d.to:.4g} {unit_label(d.unit)}'.rstrip()} ({abs(d.size_sigma):.1f} sigma)",
-            soft_wrap=True,
+            f"{f'{d.from_:.4g} to {d.to:.4g} {unit_label(d.unit)}'.rstrip()} ({abs(d.size_sigma):.1f} sigma)"
         )
-    for e in found.added:
-        console.print(_effect_text(e, partial=found.verdict != "named"), soft_wrap=True)
+    console.tell(*(_effect_text(e, partial=found.verdict != "named") for e in found.added))
     if found.verdict == "none":
         factors = [c.ln_bayes_factor for c in found.candidates if c.ln_bayes_factor is not None]
         if factors:
@@ -89,10 +82,8 @@ def _show_part(console: Console, found: GapFindings | HeatingFindings, title: st
         console.print(_candidate_rows(found.candidates))
     untested = [c.id for c in found.candidates if c.status == "untestable"]
     if untested:
-        console.print(f"these data cannot test {', '.join(untested)}; the report says why", soft_wrap=True)
-    console.print(_gap_text(found), soft_wrap=True)
-    for text in found.cautions:
-        console.print(f"caution: {text}", soft_wrap=True)
+        console.tell(f"these data cannot test {', '.join(untested)}; the report says why")
+    console.tell(_gap_text(found), *(f"caution: {text}" for text in found.cautions))
 
 
 def _effect_text(e: AddedEffect, *, partial: bool) -> str:

@@ -22,7 +22,7 @@ LAST: Final = 5
 
 def show_line(text: str) -> None:
     """Tell of one file, as it was taken."""
-    screen().print(text, soft_wrap=True)
+    screen().tell(text)
 
 
 def show_watch(told: Mapping[str, Any], out: Path | None) -> None:
