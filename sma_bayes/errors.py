@@ -69,7 +69,10 @@ class SmaBayesError(Exception):
             lines.append(f"expected: {self.expected}")
         if self.remedy:
             lines.append(f"what to do: {self.remedy}")
-        return "\n".join(_shortened(line) for line in lines)
+        return "\n".join(  # what is quoted in a line may be as long as a file
+            line if len(line) <= LONGEST_LINE else f"{line[: LONGEST_LINE - 200]} ... {line[-150:]}"
+            for line in lines
+        )
 
     def but(self, found: str = "", **changed: str | Path | int | None) -> Self:
         """The same error with other words, or another place, expectation or remedy."""
@@ -78,11 +81,6 @@ class SmaBayesError(Exception):
 
     def __reduce__(self) -> tuple[object, ...]:  # survives the way back from a worker process
         return type(self), (self.found,), vars(self)
-
-
-def _shortened(line: str) -> str:
-    """Line of a message; what is quoted in it may be as long as a file."""
-    return line if len(line) <= LONGEST_LINE else f"{line[: LONGEST_LINE - 200]} ... {line[-150:]}"
 
 
 class MeasurementError(SmaBayesError):

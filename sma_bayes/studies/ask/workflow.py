@@ -215,11 +215,12 @@ def ask(
     ((channel, value),) = wanted.items()
     able = [r for r in records if not _lacking(run, r, channel)]
     if not able:
+        has = dict.fromkeys(_name(r, c) for c in WANTED for r in records if not _lacking(run, r, c))
         which = records[0].key if len(records) == 1 else f"any of the {len(records)} records"
         raise MeasurementError(
             f"no {_named(_name(records[0], channel))} follows from {which}: {_lacking(run, records[0], channel)}",
             file=run.folder,
-            expected=f"one of {', '.join(_has(run, records))}",
+            expected="one of " + ", ".join(f"--{n.replace('_', '-')}" for n in has),
         )
     answers = [_answer(run, r, channel, value, tolerance, terms) for r in able]
     return AnswersDocument.about(
@@ -335,19 +336,14 @@ def asked_temperature(text: str, stored: str, degrees: str) -> float:
             f"temperature {text!r} has no unit",
             expected=f"a number with its unit, such as '{number:g} {degrees}'",
         )
-    value = _temperature_back(number, unit or stored, stored)
+    _temperature(0.0, stored, unit or stored)  # refuses what is no unit of temperature
+    value = _converted(number, unit or stored, stored, "temperature")
     least = ABSOLUTE_ZERO if stored == "degC" else -DEGREES.value
     if not least <= value <= DEGREES.value:
         raise QuantityError(
             f"temperature {text!r} is out of range", expected=f"{least:g} to {DEGREES.value:g} {stored}"
         )
     return _converted(value, stored, degrees, "temperature")
-
-
-def _temperature_back(number: float, unit: str, stored: str) -> float:
-    """A temperature in the unit of the fit."""
-    _temperature(0.0, stored, unit)  # refuses what is no unit of temperature
-    return _converted(number, unit, stored, "temperature")
 
 
 def _where_known(
@@ -389,11 +385,6 @@ def _name(record: RecordSummary, channel: str) -> str:
 
 def _named(name: str) -> str:
     return name.replace("_", " ")
-
-
-def _has(run: FitSource, records: Sequence[RecordSummary]) -> list[str]:
-    names = [_name(r, c) for c in WANTED for r in records if not _lacking(run, r, c)]
-    return [f"--{n.replace('_', '-')}" for n in dict.fromkeys(names)]
 
 
 def _lacking(run: FitSource, record: RecordSummary, channel: str) -> str:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
@@ -196,7 +197,7 @@ def _overall(channel: str, unit: str, group: Sequence[Comparison]) -> Overall:
             )
             for s in standings
         },
-        verdicts=_tally(group),
+        verdicts=dict(Counter(c.verdict.verdict for c in group)),
     )
 
 
@@ -234,11 +235,6 @@ def _summed(contender: Contender, group: Sequence[Comparison]) -> Standing | Non
         float(np.sqrt(sum(f.evidence.sd**2 for f in fits))),
         np.concatenate([c.fold_density(f.contender.name) for c, f in zip(group, fits, strict=True)]),
     )
-
-
-def _tally(group: Sequence[Comparison]) -> dict[str, int]:
-    verdicts = [c.verdict.verdict for c in group]
-    return {name: verdicts.count(name) for name in dict.fromkeys(verdicts)}
 
 
 def curve_columns(comparison: Comparison) -> dict[str, Floats]:

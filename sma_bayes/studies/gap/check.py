@@ -49,7 +49,13 @@ def comparable(campaign: Campaign) -> Comparable:
     shared, less = _shared_channels(conditions)
     remarks = other_units + less
     for name, records in conditions.items():
-        _enough(name, sum(r.n for r in records))
+        samples = sum(r.n for r in records)
+        if samples < LEAST:
+            raise MeasurementError(
+                f"condition {name!r} has {samples} samples",
+                expected=f"at least {LEAST}, both branches together, so that a pattern can be told from noise",
+                remedy="leave the condition out, or measure more finely",
+            )
         if len({r.branch for r in records}) < len(Branch):
             remarks.append(
                 f"{name} has a {records[0].branch.value} branch only: nothing could be looked for on the other one."
@@ -124,15 +130,6 @@ def _shared_channels(conditions: ByCondition) -> tuple[set[str], list[str]]:
         f"{channel} was left out, as it was not measured on all branches of {', '.join(names)}."
         for channel, names in lacking.items()
     ]
-
-
-def _enough(name: str, samples: int) -> None:
-    if samples < LEAST:
-        raise MeasurementError(
-            f"condition {name!r} has {samples} samples",
-            expected=f"at least {LEAST}, both branches together, so that a pattern can be told from noise",
-            remedy="leave the condition out, or measure more finely",
-        )
 
 
 def smoothing_remarks(histories: Sequence[History]) -> list[str]:

@@ -90,6 +90,8 @@ def gap_of_model(outcome: GapOutcome) -> GapOfModel:
     found = tuple(_disagreement(d) for d in study.disagreements)
     effects = tuple(_effect(outcome, e) for e in study.effects)
     none, named = study.verdict == "none", study.verdict == "named"
+    judged = study.steps[0].candidates
+    order = [*added(study), *(c.effect.id for c in judged)]  # what was added comes first
     return GapOfModel.about(
         study,
         p_value_extrapolated=study.steps[0].look.extrapolated,
@@ -99,8 +101,7 @@ def gap_of_model(outcome: GapOutcome) -> GapOfModel:
         effects=effects if named else (),
         partial=() if named else effects,
         candidates=tuple(
-            _candidate(outcome, c)
-            for c in sorted(study.steps[0].candidates, key=lambda c: _order(study, c.effect.id))
+            _candidate(outcome, c) for c in sorted(judged, key=lambda c: order.index(c.effect.id))
         ),
         rounds=tuple(_round(s) for s in study.steps),
         remaining=StatedRemaining.about(
@@ -236,12 +237,6 @@ def _flexible(found: TermWorth) -> FlexibleEvidence:
     return FlexibleEvidence.about(found.term, ln_bayes_factor=found.ln_bayes_factor)
 
 
-def _order(study: GapStudy, name: str) -> int:
-    """Effects that were added come first, in that order; the others stay as they were ranked."""
-    names = list(added(study))
-    return names.index(name) if name in names else len(names)
-
-
 def _parameters(outcome: GapOutcome, effect: Effect) -> dict[str, EffectParameter]:
     hypothesis = outcome.study.final.hypothesis
     free = hypothesis.space.free_index.tolist()
@@ -274,6 +269,7 @@ def _candidate(outcome: GapOutcome, candidate: Candidate) -> JudgedCandidate:
     place, _, candidate = added(study).get(candidate.effect.id, (1, study.steps[0], candidate))
     score = outcome.scores.get(candidate.effect.id)
     status, why = judgement(study, candidate)
+    there = study.baseline.hypothesis.histories
     return JudgedCandidate.about(
         candidate.effect,
         round=place,
@@ -283,14 +279,8 @@ def _candidate(outcome: GapOutcome, candidate: Candidate) -> JudgedCandidate:
         delta_elpd_se=None if score is None else score.se,
         status=status,
         why=why,
-        unmet=_unmet(study, candidate) if candidate.untestable else (),
+        unmet=tuple(n for n in candidate.effect.needs if candidate.untestable and untestable((n,), there)),
     )
-
-
-def _unmet(study: GapStudy, candidate: Candidate) -> tuple[str, ...]:
-    """Needs of an effect that the measurements do not meet."""
-    found = study.baseline.hypothesis.histories
-    return tuple(need for need in candidate.effect.needs if untestable((need,), found))
 
 
 def _round(step: Step) -> StatedRound:

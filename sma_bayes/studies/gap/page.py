@@ -25,7 +25,7 @@ from sma_bayes.studies.gap.words import (
 
 def page_words(study: StoredStudy, tables: Mapping[str, Table]) -> dict[str, Any]:
     """What the page of a gap study names, besides what was found and its tables."""
-    found = study.found
+    found, priors = study.found, study.folder / "priors.toml"
     return {
         **_of_model(study, found),
         "p_text": p_text,
@@ -34,7 +34,7 @@ def page_words(study: StoredStudy, tables: Mapping[str, Table]) -> dict[str, Any
         "heating": None if study.heating is None else _heating(study.heating, tables),
         "needs": by_single_need(tables["untestable"]),
         "command": command(found),
-        "priors": _priors(study),
+        "priors": priors.read_text(encoding="utf-8") if priors.is_file() else "",
     }
 
 
@@ -77,11 +77,6 @@ def _parameters(effects: Table, name: str) -> Table:
         effect=name,
     )
     return replace(table, title=f"Parameters of {name}")
-
-
-def _priors(study: StoredStudy) -> str:
-    path = study.folder / "priors.toml"
-    return path.read_text(encoding="utf-8") if path.is_file() else ""
 
 
 def way_text(gap: StatedGap) -> str:

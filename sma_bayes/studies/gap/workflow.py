@@ -148,10 +148,6 @@ def _studied(
     return found
 
 
-class GapTable(StepTable):
-    """``[gap]``."""
-
-
 def _told(found: Mapping[str, Any]) -> str:
     parts = {"": found} | ({"; heating: ": found["heating"]} if found["heating"] else {})
     return "".join(f"{start}{_verdict(part)}" for start, part in parts.items())
@@ -162,4 +158,4 @@ def _verdict(found: Mapping[str, Any]) -> str:
     return f"{found['verdict']}: {effects}" if effects else str(found["verdict"])
 
 
-STEP: Final = StudyStep(GapTable, GAP, study_gap, _told)
+STEP: Final = StudyStep(StepTable, GAP, study_gap, _told)

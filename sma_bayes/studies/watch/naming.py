@@ -21,6 +21,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 from itertools import combinations
 from typing import Final
 
@@ -240,11 +241,11 @@ def _of_channel(table: _Table, channel: str, own: list[int]) -> list[Cause]:
         ),
         table.cause(
             f"{channel}_stroke_cold", f"the stroke of {name}, the cold end fixed", "specimen", "amplitude_fatigue",
-            [("stroke", "1", about(_cold))],
+            [("stroke", "1", about(partial(_at_end, end=0)))],
         ),
         table.cause(
             f"{channel}_stroke_hot", f"the stroke of {name}, the hot end fixed", "specimen", "amplitude_fatigue",
-            [("stroke", "1", about(_hot))],
+            [("stroke", "1", about(partial(_at_end, end=1)))],
         ),
         table.cause(
             f"{channel}_set_and_stroke", f"offset and stroke of {name} together", "specimen", "training",
@@ -253,12 +254,8 @@ def _of_channel(table: _Table, channel: str, own: list[int]) -> list[Cause]:
     ]  # fmt: skip
 
 
-def _cold(strand: Strand) -> float:
-    return float(strand.common(np.array([strand.ends[0]]))[0])
-
-
-def _hot(strand: Strand) -> float:
-    return float(strand.common(np.array([strand.ends[1]]))[0])
+def _at_end(strand: Strand, end: int) -> float:
+    return float(strand.common(np.array([strand.ends[end]]))[0])
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -13,7 +13,6 @@ from matplotlib.colors import to_rgb
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
 
-from sma_bayes.arrays import Floats
 from sma_bayes.report.content import (
     Channel,
 )
@@ -244,7 +243,8 @@ def _about_median(ax: Axes, branch: BranchData, channel: str) -> None:
     band = branch.bands[channel]
     q = {name: values - band.quantiles["q50"] for name, values in band.quantiles.items()}
     inside = ~band.extrapolated
-    reach = [_greatest(q[name][inside]) for name in ("q05", "q95", "pred_q05", "pred_q95")]
+    ends = (q[name][inside] for name in ("q05", "q95", "pred_q05", "pred_q95"))
+    reach = [float(np.max(np.abs(v[np.isfinite(v)]), initial=0.0)) for v in ends]
     if channel in branch.curve:
         stored = branch.stored
         e = stored.observed[channel] - branch.curve[channel]
@@ -261,11 +261,6 @@ def _about_median(ax: Axes, branch: BranchData, channel: str) -> None:
     limit = max(1.15 * max(reach), max(abs(v) for v in ax.get_ylim()) if ax.lines else 0.0)
     ax.set_ylim(-(limit or 1.0), limit or 1.0)
     ax.axhline(0.0, color=INK, lw=0.4, zorder=1)
-
-
-def _greatest(values: Floats) -> float:
-    """Greatest magnitude of what is finite; 0 where nothing is."""
-    return float(np.max(np.abs(values[np.isfinite(values)]), initial=0.0))
 
 
 def _points(ax: Axes, branch: BranchData, channel: str, size: float) -> None:
