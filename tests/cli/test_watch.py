@@ -254,7 +254,9 @@ def test_a_folder_is_watched_until_there_is_an_alarm(run: Run, place: Path, tmp_
     )
     logger.join()
     assert outcome.status == 1, outcome.err
-    assert "broken.csv: left out" in outcome.out
+    (line,) = (text for text in outcome.out.splitlines() if text.startswith("broken.csv: left out"))
+    assert "; expected: " in line
+    assert "; what to do: " in line
     assert "changed: alarm with cycle" in outcome.out
     found = found_in(out)
     assert found["alarm"]["file"].startswith("x")

@@ -92,7 +92,7 @@ class _Folder:
             try:
                 found = self.watch.take([path])
             except SmaBayesError as error:
-                self.tell(f"{path.name}: left out: {' '.join(str(error).split())}")
+                self.tell(f"{path.name}: left out: {'; '.join(str(error).splitlines())}")
                 continue
             new = found["cycles"][before:]
             partial = [text for text in found["partial"] if text.startswith(path.name)]
