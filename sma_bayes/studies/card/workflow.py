@@ -61,6 +61,8 @@ POOR: Final = 0.05
 """Miss of the law, over the range of a curve, from which it is a caution [1]."""
 COARSE: Final = 0.02
 """Error of interpolation over the stiffness from which it is a caution [1]."""
+EXPANSIONS_ALIKE: Final = 3e-6
+"""Greatest difference of the expansions of both phases that simcoon 2.2 integrated with its default tangent [1/K]."""
 UNITS: Final = {
     "E_A": ("MPa", "modulus of austenite"), "E_M": ("MPa", "modulus of martensite"),
     "alpha_A": ("1/K", "expansion of austenite"), "alpha_M": ("1/K", "expansion of martensite"),
@@ -387,6 +389,18 @@ def _stiffness(
     return whole, "" if whole else "the stiffness is not finite over the measured temperatures"
 
 
+def expansion_caution(austenite: float, martensite: float) -> tuple[str, ...]:
+    """What to say of expansions [1/K] whose difference is that of the slopes of the phases, if anything."""
+    difference = martensite - austenite
+    if abs(difference) <= EXPANSIONS_ALIKE:
+        return ()
+    return (
+        f"The slopes of the phases differ by {difference:.2g} per K, which the card keeps as a difference of "
+        "expansions: simcoon needs tangent_mode='closest_point' then, else it ends at the start of the "
+        "transformation, and its curves may be off those of the card by some per cent of the strain.",
+    )
+
+
 def _cautions(made: _Made | None, tables: Sequence[TabulatedQuantiles]) -> Iterator[str]:
     if made is not None:
         stated = made.stated
@@ -407,6 +421,8 @@ def _cautions(made: _Made | None, tables: Sequence[TabulatedQuantiles]) -> Itera
             yield (
                 f"Not identified by the data, and held at what card.json states under `why`: {', '.join(held)}."
             )
+        alpha = {c.name: c.value for c in stated.constants}
+        yield from expansion_caution(alpha["alpha_A"], alpha["alpha_M"])
         if stated.left_out:
             yield f"Left out: {', '.join(f'{k} ({w})' for k, w in stated.left_out.items())}."
     coarse = [t for t in tables if t.relative_error > COARSE]
