@@ -177,7 +177,11 @@ def modulus(
 
     found = work.execute(out, identity, resume, find)
     if out is not None:
-        _remove_parts(Path(out))
+        parts = Path(out) / PARTS
+        for path in parts.glob("*.json"):
+            path.unlink(missing_ok=True)
+        with suppress(OSError):  # somebody else's file in it does no harm
+            parts.rmdir()
     return found
 
 
@@ -235,13 +239,6 @@ def _read_part(folder: Path, name: str) -> ModulusSweep | None:
         return ModulusSweep.model_validate(json.loads(path.read_text(encoding="utf-8")))
     except ValueError:  # whoever changed it: the sweep is fitted again
         return None
-
-
-def _remove_parts(folder: Path) -> None:
-    for path in (folder / PARTS).glob("*.json"):
-        path.unlink(missing_ok=True)
-    with suppress(OSError):  # somebody else's file in it does no harm
-        (folder / PARTS).rmdir()
 
 
 # what sweeps tell together

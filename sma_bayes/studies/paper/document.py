@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
-from typing import Final
 
 from sma_bayes.assess.correlation_average import Scored, averages
 from sma_bayes.paper.correlation import implied_average
@@ -32,8 +31,6 @@ from sma_bayes.studies.paper.schema import (
 )
 from sma_bayes.studies.paper.twin_study import TwinStudy
 
-SCHEMA: Final = "sma-bayes/reproduction/1"
-
 
 def reproduction_document(
     study: TwinStudy, tables: Mapping[str, Sequence[ReproducedEntry]], figures: Iterable[FigureFiles]
@@ -50,7 +47,7 @@ def reproduction_document(
     """
     return ReproductionDocument.about(
         study,
-        schema=SCHEMA,
+        schema="sma-bayes/reproduction/1",
         paper=SOURCE,
         campaign=study.campaign.name,
         versions=all_versions(),

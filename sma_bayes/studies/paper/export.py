@@ -30,9 +30,6 @@ from sma_bayes.studies.paper.schema import (
     RecomputedAmount,
 )
 
-SCHEMA: Final = "sma-bayes/paper/1"
-"""Schema of the JSON document."""
-
 SOURCE: Final = (
     "Modified sigmoid based model and experimental analysis of shape memory alloy spring as variable stiffness "
     "actuator, Smart Structures and Systems (2019), as printed in the supplied text"
@@ -172,7 +169,7 @@ def _correlation_sheets(selection: Selection) -> list[Sheet]:
 def tables_document(selection: Selection) -> PaperTablesDocument:
     """What a selection holds."""
     return PaperTablesDocument(
-        schema=SCHEMA,
+        schema="sma-bayes/paper/1",
         source=SOURCE,
         tables=tuple(
             PrintedTableDocument(

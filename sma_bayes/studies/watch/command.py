@@ -58,8 +58,9 @@ def command(
     as_json: Json = False,
 ) -> None:
     """Tell whether a spring is still the one that was fitted, from cycles measured since; exit status 1 if not."""
+    from sma_bayes.report.screen import screen
     from sma_bayes.studies.watch.folder import watch_folder
-    from sma_bayes.studies.watch.terminal import show_line, show_watch
+    from sma_bayes.studies.watch.terminal import show_watch
     from sma_bayes.studies.watch.workflow import watching
 
     with progress_shown(quiet or as_json or folder is not None, verbose) as progress:
@@ -68,7 +69,7 @@ def command(
             figures="none" if no_figures else figures, progress=progress,
         )  # fmt: skip
         if folder is not None:
-            tell = None if quiet or as_json else show_line
+            tell = None if quiet or as_json else screen().tell
             found = watch_folder(asked, folder, files or (), out, idle, tell)
         else:
             with asked() as opened:

@@ -20,11 +20,6 @@ LAST: Final = 5
 """Cycles that are shown number by number."""
 
 
-def show_line(text: str) -> None:
-    """Tell of one file, as it was taken."""
-    screen().tell(text)
-
-
 def show_watch(told: Mapping[str, Any], out: Path | None) -> None:
     """Tell what the watched cycles say."""
     found = in_declared_units(WatchDocument.model_validate(told))
