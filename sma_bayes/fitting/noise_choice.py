@@ -39,6 +39,9 @@ EARNED = 1.5
 """What a memory, heavy tails, and a discrepancy beside or instead of a memory must each gain in ln evidence."""
 EARNED_BEYOND = 2.0
 """What growth and an error of the thermometer must gain: they are looked at last, beside the best of the others."""
+REFUTED = 2.0
+"""ln evidence that a memory beside a discrepancy must lack to be dropped: one sweep hardly tells it from what the
+discrepancy does not resolve."""
 REACH = 10.0
 """Standard deviation, in ranges of the channel, of what a change of the parameters may do to the curve."""
 FINE = 2001
@@ -110,7 +113,8 @@ def choose_noise(
     or its steps are even. Independent normal noise is looked at first. Models with a memory, with heavy tails, growth
     with the response and an error of the thermometer are looked at only where what it leaves shows a sign of such a
     thing (`SIGN`), and taken where they gain `EARNED`, or `EARNED_BEYOND`, over what is simpler; beside growth or an
-    error of the thermometer only what still earns its place stays. Discrepancies are taken where the evidence of all
+    error of the thermometer only what still earns its place stays, but for a memory beside a discrepancy, which stays
+    unless it lacks `REFUTED`. Discrepancies are taken where the evidence of all
     channels together is greater with them (by `EARNED` beside a memory, which a smooth misfit resembles): force and
     displacement are of one specimen, and where the curve fails in one of them the other, in more noise, is no better
     known. Before another series a discrepancy counts as a memory does.
@@ -170,6 +174,10 @@ def choose_noise(
             if look(extended).supported > look(best).supported + EARNED_BEYOND:
                 best = extended
         best = _without_what_is_not_needed(best, names, lambda name: look(name).supported)
+        if any(look(best).bases):
+            enough = look(best).ln_evidence - REFUTED
+            allowed = (n for n in _with_memory(best) if any(look(n).bases) and look(n).ln_evidence > enough)
+            best = next(allowed, best)
     chosen = found[best]
     top = max(d.ln_evidence for d in found.values())
     rivals = {name: d.ln_evidence - top for name, d in found.items() if np.isfinite(d.ln_evidence)} or {
@@ -199,6 +207,22 @@ def _without_tails(name: str, series: Sequence[str]) -> list[str]:
     model = NOISE_MODELS[name]
     others = [NOISE_MODELS[n] for n in series if not model.is_gaussian]
     return [n.name for n in others if n.is_gaussian and n.autocorrelated == model.autocorrelated]
+
+
+def _with_memory(name: str) -> list[str]:
+    """Noise models that remember from sample to sample, and differ in that alone from one that doesn't."""
+    series, *suffixes = name.split("+")
+    model = NOISE_MODELS[series]
+    if model.autocorrelated:
+        return []
+    return [
+        "+".join([other.name, *suffixes])
+        for other in NOISE_MODELS.values()
+        if other.autocorrelated
+        and other.is_density
+        and not (other.stands_alone or other.needs_time)
+        and other.is_gaussian == model.is_gaussian
+    ]
 
 
 def _without_what_is_not_needed(name: str, series: Sequence[str], supported: Callable[[str], float]) -> str:
@@ -246,6 +270,8 @@ def _reason(
     if taken:
         gains = ", ".join(f"{description.gain[c]:.1f} ({quantity(c)})" for c in taken)
         parts.append(f"a smooth discrepancy beside the curve gains {gains} in ln evidence")
+        if NOISE_MODELS[name].autocorrelated and others and rivals[name] - others[0][0] < EARNED:
+            parts.append("beside it a memory stays unless the evidence is against it")
     return f"{title}: {'; '.join(parts)}"
 
 

@@ -8,7 +8,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sma_bayes.fitting.noise_choice import SHORT, NoiseChoice, choose_noise, noise_start, posterior_with
+from sma_bayes.fitting import noise_choice
+from sma_bayes.fitting.noise_choice import (
+    EARNED,
+    REFUTED,
+    SHORT,
+    NoiseChoice,
+    choose_noise,
+    noise_start,
+    posterior_with,
+)
 from sma_bayes.fitting.posterior import build_posterior
 from sma_bayes.fitting.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
@@ -139,14 +148,44 @@ def test_misfit_is_given_a_discrepancy_and_the_noise_is_not_blamed(
     make_record: Callable[..., Record],
 ) -> None:
     record = with_a_second_step(make_record(("force",), n=200, noise=0.002))
+    assert choice_for(record, noise="independent").discrepancy["force"] > 50.0
     choice = choice_for(record)
     assert set(choice.bases[0]) == {"force"}
-    assert choice.discrepancy["force"] > 50.0
+    # a memory, which may stay beside it, would explain a part of the misfit by itself
+    assert choice.discrepancy["force"] > 20.0 * EARNED
     assert choice.lag1["force"] > 0.7
     sd, size = choice.estimate[0]["force"][0], choice.estimate[0]["force"][-1]
     assert sd == pytest.approx(0.002 * np.ptp(record.observed["force"]), rel=0.3)
     assert size > 2.0 * sd
     assert "a smooth discrepancy beside the curve gains" in choice.reason
+
+
+@pytest.mark.parametrize("seed", range(4))
+def test_a_memory_stays_beside_a_discrepancy_unless_the_evidence_is_against_it(
+    make_record: Callable[..., Record], seed: int
+) -> None:
+    """Of white noise about a curve that fails, whose memory no evidence is for; without misfit it must be earned."""
+    record = with_a_second_step(make_record(("force",), n=80, noise=0.004, seed=seed))
+    choice = choice_for(record)
+    apart = {name: choice_for(record, noise=name) for name in ("independent", "ar1")}
+    assert all(c.bases[0] for c in apart.values())
+    against = choice.ln_evidence["independent"] - choice.ln_evidence["ar1"]
+    assert choice.name == ("ar1" if against < REFUTED else "independent")
+    assert ("beside it a memory stays" in choice.reason) == (choice.name == "ar1" and against > -EARNED)
+    plain = choice_for(make_record(("force",), n=80, noise=0.004, seed=seed))
+    assert not plain.bases[0]
+    assert plain.name == "independent"
+
+
+def test_a_memory_beside_a_discrepancy_is_dropped_where_the_evidence_is_against_it(
+    make_record: Callable[..., Record], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    record = with_a_second_step(make_record(("force",), n=80, noise=0.004))
+    assert choice_for(record).name == "ar1"
+    monkeypatch.setattr(noise_choice, "REFUTED", -100.0)
+    choice = choice_for(record)
+    assert choice.name == "independent"
+    assert choice.bases[0]
 
 
 def in_bursts(record: Record, seed: int) -> Record:
