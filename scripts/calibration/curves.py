@@ -30,6 +30,13 @@ class Curve:
     value: Callable[[Floats], Floats]
     slope: Callable[[Floats], Floats]
 
+    def plus(self, other: Curve) -> Curve:
+        """The sum of two."""
+        return Curve(
+            lambda t: self.value(t) + other.value(t),
+            lambda t: self.slope(t) + other.slope(t),
+        )
+
 
 def logistic(span: float, rate: float, midpoint: float, offset: float) -> Curve:
     """The published curve, ``offset + span/(1 + exp(-rate (T - midpoint)))``.

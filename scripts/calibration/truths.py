@@ -25,7 +25,7 @@ from calibration.curves import (
     span_over,
     two_steps,
 )
-from calibration.real_residuals import put_back, sweep
+from calibration.real_residuals import Sweep, moved, sweep, turned
 from calibration.simulated_loop import isobaric_cycle
 from sma_bayes.records.types import Branch, Campaign, Condition, Record
 
@@ -271,19 +271,34 @@ def simulated_loop(repeat: int, rng: np.random.Generator, data: Path) -> Case:
     return measured(design, {"displacement": curve}, Instrument(), rng, "simulated loop")
 
 
+def real_scatter(repeat: int, rng: np.random.Generator, data: Path) -> Case:
+    """Scatter of a real sweep about a smooth curve through it, block by block of random sign; the sweeps in turn."""
+    return _put_back(sweep(data, repeat, smooth=True), turned, rng)
+
+
 def real_residuals(repeat: int, rng: np.random.Generator, data: Path) -> Case:
-    """Residuals of a real sweep on the curve fitted to it; the sweeps in turn."""
-    found = sweep(data, repeat)
+    """All that two logistics leave of a real sweep, moved along it; the sweeps in turn."""
+    return _put_back(sweep(data, repeat, smooth=False), moved, rng)
+
+
+def _put_back(
+    found: Sweep, again: Callable[[Floats, np.random.Generator], Floats], rng: np.random.Generator
+) -> Case:
+    """Measurements of the curve of a real sweep, with its residuals in another order or sign."""
     (channel,) = found.record.channels
+    t = found.record.temperature
 
-    def again(rng: np.random.Generator) -> tuple[Floats, dict[str, Floats]]:
-        t = found.record.temperature
-        return t, {channel: found.curve.value(t) + put_back(found, rng)}
+    def measured_again(rng: np.random.Generator) -> tuple[Floats, dict[str, Floats]]:
+        return t, {channel: found.curve.value(t) + again(found.residual, rng)}
 
-    record = replace(found.record, observed=again(rng)[1])
-    spread = float(np.std(found.residual) / np.ptp(found.curve.value(record.temperature)))
+    record = replace(found.record, observed=measured_again(rng)[1])
+    spread = float(np.std(found.residual) / np.ptp(found.curve.value(t)))
     return Case(
-        Campaign(found.source, found.source, "", (record,)), {channel: found.curve}, None, again, spread
+        Campaign(found.source, found.source, "", (record,)),
+        {channel: found.curve},
+        None,
+        measured_again,
+        spread,
     )
 
 
@@ -313,7 +328,10 @@ TRUTHS: dict[str, Truth] = {
     "richards": Truth("Richards' curve, ν = 0.4", shaped(_richards)),
     "hardening": Truth("smooth hardening (Lagoudas et al. 2012)", shaped(_hardening)),
     "simulated_loop": Truth("a loop of `simcoon`'s law", simulated_loop, "simcoon"),
-    "real_residuals": Truth("residuals of real sweeps on fitted curves", real_residuals, "data"),
+    "real_scatter": Truth("scatter of real sweeps on the smooth curves through them", real_scatter, "data"),
+    "real_residuals": Truth(
+        "all that two logistics leave of real sweeps, moved along them", real_residuals, "data"
+    ),
 }
 """Truths by name; each repeat of each has a seed of its own, `seed_of`."""
 

@@ -7,7 +7,16 @@ from pathlib import Path
 import numpy as np
 import pytest
 from calibration import noises
-from calibration.real_residuals import double_logistic, each_sweep, put_back, sweep, sweep_count
+from calibration.real_residuals import (
+    TURNED,
+    double_logistic,
+    each_sweep,
+    moved,
+    smooth_rest,
+    sweep,
+    sweep_count,
+    turned,
+)
 from calibration.trials import missing
 from calibration.truths import LEVELS, TRUTHS, seed_of
 
@@ -138,12 +147,38 @@ def test_the_smooth_curve_through_a_sweep_follows_it() -> None:
     assert curve.slope(t) == pytest.approx(numerical, rel=1e-5, abs=1e-7)
 
 
-def test_real_residuals_are_put_back_without_loss(shared_data: Path) -> None:
-    found = sweep(shared_data, 3)
+def test_a_spline_takes_what_is_smooth_and_leaves_the_scatter() -> None:
+    """A wave of twice the scatter is found within a third of that; of scatter alone next to nothing is taken."""
+    t = np.linspace(20.0, 80.0, 160)
+    wave = 0.02 * np.sin(0.2 * t)
+    noise = 0.01 * np.random.default_rng(1).standard_normal(t.size)
+    found = smooth_rest(t, wave + noise)
+    assert np.sqrt(np.mean((found.value(t) - wave) ** 2)) < 0.0035
+    assert np.std(smooth_rest(t, noise).value(t)) < 0.003
+    step = 1e-4
+    t = np.linspace(15.0, 85.0, 141)
+    numerical = (found.value(t + step) - found.value(t - step)) / (2.0 * step)
+    assert found.slope(t) == pytest.approx(numerical, rel=1e-4, abs=1e-7)
+    assert np.ptp(found.slope(np.linspace(80.0, 85.0, 6))) < 1e-12  # straight beyond the sweep
+
+
+def test_scatter_stays_in_its_place_and_misfit_is_moved() -> None:
+    residual = np.arange(1.0, 48.0)
+    again = turned(residual, np.random.default_rng(0))
+    assert np.array_equal(np.abs(again), residual)
+    turns = np.flatnonzero(np.diff(np.sign(again)))
+    assert turns.size >= 1
+    assert set(np.diff(turns) % TURNED) <= {0}
+    elsewhere = moved(residual, np.random.default_rng(0))
+    assert np.array_equal(np.sort(np.abs(elsewhere)), residual)
+    assert not np.array_equal(np.abs(elsewhere), residual)
+
+
+def test_real_sweeps_have_curves_that_leave_little(shared_data: Path) -> None:
     assert sweep_count(shared_data) >= 30
-    again = put_back(found, np.random.default_rng(0))
-    assert np.sort(np.abs(again)) == pytest.approx(np.sort(np.abs(found.residual)))
-    assert not np.array_equal(again, found.residual)
-    (y,) = found.record.observed.values()
-    assert np.std(found.residual) < 0.02 * np.ptp(y)
-    assert all(one.inputs["segment"].min() == one.inputs["segment"].max() for one in each_sweep(found.record))
+    rough, smooth = (sweep(shared_data, 3, smooth=s) for s in (False, True))
+    (y,) = rough.record.observed.values()
+    assert np.std(smooth.residual) < np.std(rough.residual) < 0.02 * np.ptp(y)
+    assert rough.curve.value(rough.record.temperature) + rough.residual == pytest.approx(y)
+    assert smooth.curve.value(rough.record.temperature) + smooth.residual == pytest.approx(y)
+    assert all(one.inputs["segment"].min() == one.inputs["segment"].max() for one in each_sweep(rough.record))
