@@ -16,7 +16,6 @@ from sma_bayes.runs.store import write_json
 from sma_bayes.studies.paper.build import NUMBERS, PAGE
 from sma_bayes.studies.paper.claims import claims
 from sma_bayes.studies.paper.distance import distances
-from sma_bayes.studies.paper.document import judged_claim
 from sma_bayes.studies.paper.page import PICTURES, page
 from sma_bayes.studies.paper.printed import printed_effects
 from sma_bayes.studies.paper.schema import JudgedClaim, RecomputedValue, ReproducedEntry, ReproductionDocument
@@ -123,7 +122,7 @@ def test_its_numbers_are_those_of_fresh_fits(found: ReproductionDocument) -> Non
         assert r.verdict == old_record.verdict
         assert r.ln_bayes_factor == pytest.approx(old_record.ln_bayes_factor, abs=0.5)
     printed = {c.id: _printed(c) for c in found.claims}
-    for c in map(judged_claim, claims(study)):
+    for c in map(JudgedClaim.about, claims(study)):
         assert _printed(c) == pytest.approx(printed[c.id], abs=0.04), c.id
 
 
