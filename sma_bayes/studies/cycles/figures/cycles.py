@@ -15,6 +15,7 @@ from sma_bayes.report.figures.sheet import (
     FAINT,
     INK,
     Drawing,
+    as_columns,
     branch_legend,
     empty_sheet,
     heading,
@@ -48,9 +49,8 @@ def curves_figure(stored: StoredCycles, number: int) -> Drawing:
     axes = panels(
         figure, len(channels), len(branches), left=0.75, bottom=0.5, top=0.75, gap_x=0.75, gap_y=0.65
     )
-    data: dict[str, list[Any]] = {
-        k: [] for k in ("branch", "channel", "cycle", "temperature", "q05", "q50", "q95")
-    }
+    names = ("cycle", f"temperature_{unit}", "q05", "q50", "q95")
+    rows: list[tuple[Any, ...]] = []
     last = one.measured[-1]
     colours = colormaps["viridis"](np.linspace(0.0, 0.85, max(last - one.cycles[0] + 1, 2)))
     for curve in one.curves:
@@ -67,12 +67,8 @@ def curves_figure(stored: StoredCycles, number: int) -> Drawing:
                 ax.plot(t[own], columns["q50"][own], color=INK, ls="--", lw=0.9)
             elif c in one.measured:
                 ax.plot(t[own], columns["q50"][own], color=colours[c - one.cycles[0]], lw=0.9)
-        data["branch"] += [curve.branch] * cycle.size
-        data["channel"] += [curve.channel] * cycle.size
-        for key, name in (("cycle", "cycle"), ("temperature", f"temperature_{unit}")):
-            data[key] += columns[name].tolist()
-        for key in ("q05", "q50", "q95"):
-            data[key] += columns[key].tolist()
+        cells = zip(*(columns[name].tolist() for name in names), strict=True)
+        rows += [(curve.branch, curve.channel, *values) for values in cells]
         ax.set_title(curve.branch, color=COLOURS[curve.branch])
         ax.set_xlabel(f"temperature [{unit_label(unit)}]")
         _label(ax, curve.channel, curve.unit)
@@ -85,6 +81,7 @@ def curves_figure(stored: StoredCycles, number: int) -> Drawing:
         f"Median curve of each measured cycle of {one.condition}, and of cycle {one.cycles[-1]} as it is forecast, "
         "with its 90 % predictive interval."
     )
+    data = as_columns(("branch", "channel", "cycle", "temperature", "q05", "q50", "q95"), rows)
     return Drawing(numbered("curves", number), caption, caption, figure, data)
 
 
@@ -148,10 +145,6 @@ def _against_cycle(
     wide = max(len(r) for r in rows)
     figure = empty_sheet(0.85 + 2.3 * wide, 1.0 + 1.95 * len(rows))
     axes = panels(figure, len(rows), wide, left=0.7, right=0.12, bottom=0.5, top=0.55, gap_x=0.75, gap_y=0.6)
-    data: dict[str, list[Any]] = {
-        k: []
-        for k in ("branch", "channel", "name", "unit", "at", "cycle", "own", "own_sd", "q05", "median", "q95")
-    }
     for r, row in enumerate(rows):
         for c in range(wide):
             ax = axes[r][c]
@@ -160,7 +153,6 @@ def _against_cycle(
                 continue
             for q in row[c]:
                 _draw(ax, one, q)
-                _keep(data, one, q)
             first = row[c][0]
             at = f" at {first.at:g} {unit_label(temperature_unit)}" if first.at is not None else ""
             named = first.channel if first.at is None and first.name in NUMBERS else ""
@@ -172,7 +164,13 @@ def _against_cycle(
             _label(ax, "", first.unit)
     heading(figure, title, "")
     branch_legend(figure, (q.branch for q in one.quantities))
-    return Drawing(stem, caption, caption, figure, data)
+    header = ("branch", "channel", "name", "unit", "at", "cycle", "own", "own_sd", "q05", "median", "q95")
+    data = [
+        (q.branch, q.channel, q.name, q.unit, q.at, *values)
+        for q in (q for row in rows for group in row for q in group)
+        for values in zip(one.cycles, q.own, q.own_sd, q.q05, q.median, q.q95, strict=True)
+    ]
+    return Drawing(stem, caption, caption, figure, as_columns(header, data))
 
 
 def _label(ax: Axes, name: str, unit: str) -> None:
@@ -192,12 +190,3 @@ def _draw(ax: Axes, one: ConditionCycles, q: QuantityByCycle) -> None:
         cycle[seen], own[seen], yerr=1.645 * np.nan_to_num(sd[seen]), fmt="o", ms=2.4, lw=0.7, color=colour,
         mfc="white", mew=0.7,
     )  # fmt: skip
-
-
-def _keep(data: dict[str, list[Any]], one: ConditionCycles, q: QuantityByCycle) -> None:
-    for key in ("branch", "channel", "name", "unit"):
-        data[key] += [getattr(q, key)] * len(one.cycles)
-    data["at"] += [or_nan(q.at)] * len(one.cycles)
-    data["cycle"] += list(one.cycles)
-    for key in ("own", "own_sd", "q05", "median", "q95"):
-        data[key] += [or_nan(v) for v in getattr(q, key)]

@@ -14,6 +14,7 @@ from sma_bayes.report.figures.sheet import (
     COLOURS,
     INK,
     Drawing,
+    as_columns,
     branch_legend,
     dot_handle,
     empty_sheet,
@@ -60,7 +61,7 @@ def moduli_figure(stored: StoredModulus, number: int) -> Drawing:
     unit = modulus_unit(found)
     per = float(convert(1.0, "Pa", unit))
     degrees = degrees_of(found)
-    data: dict[str, list[Any]] = {k: [] for k in ("sweep", "channel", "temperature", "q05", "q50", "q95")}
+    rows: list[tuple[Any, ...]] = []
     for s in own:
         colour = INK if s.frequency is None else colours[s.frequency]
         bands, samples = (stored.columns(f"{place}/{s.id}.csv") for place in ("bands", "samples"))
@@ -70,12 +71,9 @@ def moduli_figure(stored: StoredModulus, number: int) -> Drawing:
             ax = axes[row][branches.index(s.branch)]
             factor = 1.0 if channel == "tan_delta" else per
             _draw(ax, bands, samples, channel, factor, degrees, colour)
-            size = bands["temperature_degC"].size
-            data["sweep"] += [s.id] * size
-            data["channel"] += [channel] * size
-            data["temperature"] += degrees.values(bands["temperature_degC"]).tolist()
-            for q in ("q05", "q50", "q95"):
-                data[q] += (factor * bands[f"{channel}_{q}"]).tolist()
+            quantiles = (factor * bands[f"{channel}_{q}"] for q in ("q05", "q50", "q95"))
+            cells = zip(degrees.values(bands["temperature_degC"]), *quantiles, strict=True)
+            rows += [(s.id, channel, *values) for values in cells]
     for row, channel in enumerate(channels):
         for column, branch in enumerate(branches):
             ax = axes[row][column]
@@ -97,6 +95,7 @@ def moduli_figure(stored: StoredModulus, number: int) -> Drawing:
         if len(channels) > 1
         else f"Storage modulus of {test}: samples that were fitted, median and pointwise 90 % band of the curve."
     )
+    data = as_columns(("sweep", "channel", "temperature", "q05", "q50", "q95"), rows)
     return Drawing(numbered("moduli", number), caption, caption, figure, data)
 
 
@@ -123,16 +122,8 @@ def shift_figure(stored: StoredModulus) -> Drawing:
     names = list(dict.fromkeys(s.temperature for s in shifts))
     figure = empty_sheet(0.85 + 2.4 * len(names), 3.2)
     axes = panels(figure, 1, len(names), left=0.7, bottom=0.5, top=0.75, gap_x=0.75, gap_y=0.5)
-    data: dict[str, list[Any]] = {
-        k: [] for k in ("branch", "temperature", "sweep", "frequency", "value", "sd")
-    }
     for s in shifts:
         _draw_shift(axes[0][names.index(s.temperature)], s, degrees_of(stored.found))
-        for p in s.points:
-            for key, value in zip(
-                data, (s.branch, s.temperature, p.sweep, p.frequency, p.temperature, p.sd), strict=True
-            ):
-                data[key].append(value)
     for ax, name in zip(axes[0], names, strict=True):
         ax.set_xscale("log")
         ax.xaxis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
@@ -144,6 +135,14 @@ def shift_figure(stored: StoredModulus) -> Drawing:
     caption = (
         "Temperatures of the transition against frequency: mean and 90 % interval of each sweep, and the straight line "
         "of 1/T over ln f with its 90 % band, scatter between sweeps included. A level line has no activation energy."
+    )
+    data = as_columns(
+        ("branch", "temperature", "sweep", "frequency", "value", "sd"),
+        [
+            (s.branch, s.temperature, p.sweep, p.frequency, p.temperature, p.sd)
+            for s in shifts
+            for p in s.points
+        ],
     )
     return Drawing("shift", caption, caption, figure, data)
 

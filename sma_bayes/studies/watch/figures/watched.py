@@ -13,6 +13,7 @@ from sma_bayes.report.figures.sheet import (
     FAINT,
     INK,
     Drawing,
+    as_columns,
     branch_legend,
     dot_handle,
     empty_sheet,
@@ -79,15 +80,14 @@ def numbers_figure(stored: StoredWatch) -> Drawing:
         figure, len(channels), len(WATCHED), left=0.7, right=0.12, bottom=0.5, top=0.55, gap_x=0.6, gap_y=0.6
     )
     cycle = _axis(found)
-    data: dict[str, list[Any]] = {
-        k: [] for k in ("branch", "channel", "number", "unit", "cycle", "value", "normal_low", "normal_high")
-    }
+    rows: list[tuple[Any, ...]] = []
     for row, channel in zip(axes, channels, strict=True):
         for ax, name in zip(row, WATCHED, strict=True):
             own = [n for n in found.numbers if n.channel == channel and n.number == name]
             for n in own:
                 _draw(ax, cycle, n)
-                _keep(data, cycle, n)
+                cells = zip(cycle.tolist(), n.value, n.normal_low, n.normal_high, strict=True)
+                rows += [(n.branch, n.channel, n.number, n.unit, *values) for values in cells]
             ax.axvline(0.0, color=INK, lw=0.6, ls=":")
             if found.alarm is not None:
                 ax.axvline(found.alarm.cycle, color=ALARM, lw=0.7, ls=":")
@@ -104,7 +104,8 @@ def numbers_figure(stored: StoredWatch) -> Drawing:
         "right of it the watched ones. Bands: where 95 % of the sweeps are while nothing changes. A red line is the "
         "alarm."
     )
-    return Drawing("numbers", caption, caption, figure, data)
+    header = ("branch", "channel", "number", "unit", "cycle", "value", "normal_low", "normal_high")
+    return Drawing("numbers", caption, caption, figure, as_columns(header, rows))
 
 
 def _axis(found: WatchDocument) -> np.ndarray[tuple[int], np.dtype[np.float64]]:
@@ -117,14 +118,3 @@ def _draw(ax: Axes, cycle: np.ndarray[tuple[int], np.dtype[np.float64]], n: Watc
     low, high = (np.array([or_nan(v) for v in side]) for side in (n.normal_low, n.normal_high))
     ax.fill_between(cycle, low, high, color=COLOURS[n.branch], alpha=0.15, lw=0, step="mid")
     ax.plot(cycle, n.value, ls="none", marker="o", ms=2.4, color=COLOURS[n.branch], mfc="white", mew=0.7)
-
-
-def _keep(
-    data: dict[str, list[Any]], cycle: np.ndarray[tuple[int], np.dtype[np.float64]], n: WatchedNumber
-) -> None:
-    for key in ("branch", "channel", "number", "unit"):
-        data[key] += [getattr(n, key)] * cycle.size
-    data["cycle"] += cycle.tolist()
-    data["value"] += list(n.value)
-    for key in ("normal_low", "normal_high"):
-        data[key] += [or_nan(v) for v in getattr(n, key)]
