@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Mapping
+from functools import partial
 from pathlib import Path
 from typing import Any, Final
 
 from rich.console import Console
+from rich.table import Column, Table
 from rich.text import Text
 
 from sma_bayes.report.notation import with_minus
@@ -40,6 +42,15 @@ class Screen(Console):
 def screen() -> Screen:
     """What people read on; as wide as the widest table where it is no terminal."""
     return Screen(width=None if sys.stdout.isatty() else 160, markup=False, emoji=False)
+
+
+numbers = partial(Column, justify="right")
+"""A column of numbers."""
+
+
+def titled(title: str, *columns: Column | str) -> Table:
+    """A table under its title; a column that is but named holds words."""
+    return Table(*columns, title=title, title_justify="left")
 
 
 def show_end(console: Screen, found: Mapping[str, Any], out: Path | None) -> None:

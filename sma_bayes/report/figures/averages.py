@@ -57,15 +57,6 @@ def correlation_axis(ax: Axes, marks: Sequence[Mark], *, beside_paper: bool = Tr
     ax.set_xlabel("r [1]")
 
 
-def row_names(ax: Axes, names: Sequence[str], *, labelled: bool) -> None:
-    """Name the rows of a list, every other one shaded."""
-    ax.set_ylim(len(names) - 0.4, -0.6)
-    ax.set_yticks(range(len(names)), list(names) if labelled else [""] * len(names))
-    ax.yaxis.set_tick_params(length=0)
-    for place in range(1, len(names), 2):
-        ax.axhspan(place - 0.5, place + 0.5, color="#f4f5f6", lw=0, zorder=-1)
-
-
 def average_columns(averages: Sequence[AverageFactor]) -> Mapping[str, Any]:
     """Average factors as columns of a file."""
     rows = [

@@ -10,7 +10,7 @@ from rich.table import Table
 from sma_bayes.errors import many
 from sma_bayes.quantities import QUANTITIES, unit_text
 from sma_bayes.report.notation import write, write_interval
-from sma_bayes.report.screen import FIT_AGAIN, NOT_CONVERGED, Screen, screen
+from sma_bayes.report.screen import FIT_AGAIN, NOT_CONVERGED, Screen, numbers, screen, titled
 from sma_bayes.studies.ask.schema import (
     AnswersDocument,
     BestTemperature,
@@ -74,15 +74,16 @@ def _alike(answers: Sequence[ValuesOfRecord]) -> bool:
 def _show_together(console: Screen, answers: Sequence[ValuesOfRecord]) -> None:
     """A row for each record, and what is to be said of some of them below."""
     degrees = unit_text(answers[0].temperature_unit)
-    table = Table(title=f"at {answers[0].temperature[0]:.6g} {degrees}", title_justify="left")
-    table.add_column("record")
-    table.add_column(f"measured [{degrees}]", justify="right")
     columns = [_columns(a) for a in answers]
-    for name, _ in max(columns, key=len):
-        table.add_column(name, justify="right")
+    names = [name for name, _ in max(columns, key=len)]
+    table = titled(
+        f"at {answers[0].temperature[0]:.6g} {degrees}",
+        "record",
+        *map(numbers, [f"measured [{degrees}]", *names]),
+    )
     for a, own in zip(answers, columns, strict=True):
         told = dict(own)
-        cells = (told.get(name, ["-"])[0] for name, _ in max(columns, key=len))
+        cells = (told.get(name, ["-"])[0] for name in names)
         low, high = a.measured
         table.add_row(f"{a.key}{' *' if a.extrapolated[0] else ''}", f"{low:.4g} to {high:.4g}", *cells)
     console.print(table)
@@ -112,13 +113,11 @@ def _show_together(console: Screen, answers: Sequence[ValuesOfRecord]) -> None:
 
 
 def _values_table(a: ValuesOfRecord) -> Table:
-    table = Table(title=f"{a.key}, {_range(a)}", title_justify="left")
-    table.add_column(f"T [{unit_text(a.temperature_unit)}]", justify="right")
-    columns = []
-    for name, cells in _columns(a):
-        table.add_column(name, justify="right")
-        columns.append(cells)
-    for t, beyond, *values in zip(a.temperature, a.extrapolated, *columns, strict=True):
+    columns = _columns(a)
+    heads = [f"T [{unit_text(a.temperature_unit)}]", *(name for name, _ in columns)]
+    table = titled(f"{a.key}, {_range(a)}", *map(numbers, heads))
+    told = (cells for _, cells in columns)
+    for t, beyond, *values in zip(a.temperature, a.extrapolated, *told, strict=True):
         table.add_row(f"{t:.6g}{' *' if beyond else ''}", *values)
     return table
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from rich.table import Table
+from rich.table import Column, Table
 
 from sma_bayes.quantities import unit_text
 from sma_bayes.report.notation import interval_text
-from sma_bayes.report.screen import NOT_CONVERGED, SHOWN, screen, show_end
+from sma_bayes.report.screen import NOT_CONVERGED, SHOWN, numbers, screen, show_end, titled
 from sma_bayes.runs.shown import in_declared_units
 from sma_bayes.studies.card.schema import CardFindings, ConstitutiveCard, StiffnessTable
 
@@ -68,17 +68,13 @@ def headline(document: CardFindings) -> str:
 
 
 def _constants(card: ConstitutiveCard) -> Table:
-    table = Table(
-        title=f"constants; C_A and C_M at {card.reference_stress:.4g} MPa, strain zero at "
+    table = titled(
+        f"constants; C_A and C_M at {card.reference_stress:.4g} MPa, strain zero at "
         f"{card.common_temperature:.4g} K",
-        title_justify="left",
+        Column("constant", no_wrap=True),
+        *map(numbers, ("in the card", "median, 90 % interval")),
+        *("unit", "identified", "meaning"),
     )
-    table.add_column("constant", no_wrap=True)
-    table.add_column("in the card", justify="right")
-    table.add_column("median, 90 % interval", justify="right")
-    table.add_column("unit")
-    table.add_column("identified")
-    table.add_column("meaning")
     for c in (*card.constants, *card.at_reference):
         table.add_row(
             c.name,
@@ -92,9 +88,8 @@ def _constants(card: ConstitutiveCard) -> Table:
 
 
 def _tables(tables: tuple[StiffnessTable, ...]) -> Table:
-    shown = Table(title="stiffness tables", title_justify="left")
-    for name in ("condition", "branch", "quantity", "rows", "from", "to", "largest error of interpolation"):
-        shown.add_column(name)
+    columns = ("condition", "branch", "quantity", "rows", "from", "to", "largest error of interpolation")
+    shown = titled("stiffness tables", *columns)
     for t in tables[:SHOWN]:
         degrees = unit_text(t.temperature_unit)
         shown.add_row(

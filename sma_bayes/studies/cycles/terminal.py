@@ -6,10 +6,8 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from rich.table import Table
-
 from sma_bayes.report.notation import interval_text, unit_label
-from sma_bayes.report.screen import SHOWN, Screen, screen, show_end
+from sma_bayes.report.screen import SHOWN, Screen, numbers, screen, show_end, titled
 from sma_bayes.runs.shown import in_declared_units
 from sma_bayes.studies.cycles.schema import ConditionCycles, CyclesDocument, QuantityByCycle
 
@@ -71,11 +69,11 @@ def _show_branch(
 ) -> None:
     by_id = {id(q): q for q in own}
     shown = [by_id[i] for i in order][:COLUMNS]
-    table = Table(title=f"{one.condition}, {branch}: median (90 %), pooled over cycles", title_justify="left")
-    table.add_column("cycle", justify="right")
+    heads = ["cycle"]
     for q in shown:
         at = f" at {q.at:g} {unit_label(temperature_unit)}" if q.at is not None else ""
-        table.add_column(f"{q.name}{at} [{unit_label(q.unit) or '1'}]", justify="right")
+        heads.append(f"{q.name}{at} [{unit_label(q.unit) or '1'}]")
+    table = titled(f"{one.condition}, {branch}: median (90 %), pooled over cycles", *map(numbers, heads))
     for i in shown_rows(len(one.measured), len(one.cycles)):
         if i is None:
             table.add_row("…")

@@ -10,7 +10,7 @@ from rich.table import Table
 from sma_bayes.quantities import SPECIMEN_QUANTITY, unit_text
 from sma_bayes.records.types import setting_unit
 from sma_bayes.report.notation import write, write_interval
-from sma_bayes.report.screen import SHOWN, Screen, screen
+from sma_bayes.report.screen import SHOWN, Screen, numbers, screen
 from sma_bayes.studies.diff.schema import (
     ComparedParameter,
     ComparedRecords,
@@ -113,9 +113,7 @@ def _show_record(console: Screen, r: ComparedRecords, found: DifferenceDocument)
         )
     if r.priors:
         console.tell(f"  other priors of {', '.join(r.priors)}")
-    table = Table()
-    for name in ("", "a: median (90 %)", "b: median (90 %)", "b − a", "b − a [sd]"):
-        table.add_column(name, justify="left" if not name else "right")
+    table = Table("", *map(numbers, ("a: median (90 %)", "b: median (90 %)", "b − a", "b − a [sd]")))
     for name, p in r.parameters.items():
         if p.shift is None or abs(p.shift) > found.tolerance:
             title = f"{name} [{unit_text(p.unit) or '1'}]"

@@ -6,10 +6,10 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
-from rich.table import Table
+from rich.table import Column, Table
 
 from sma_bayes.report.notation import interval_text, unit_label
-from sma_bayes.report.screen import Screen, screen, show_end
+from sma_bayes.report.screen import Screen, numbers, screen, show_end, titled
 from sma_bayes.studies.gap.schema import (
     AddedEffect,
     EffectParameter,
@@ -106,13 +106,14 @@ def _numbers(parameters: Mapping[str, EffectParameter] | Mapping[str, HeatParame
 def _candidate_rows(candidates: Sequence[JudgedCandidate]) -> Table:
     tested = [c for c in candidates if c.status != "untestable"]
     scored = any(c.delta_elpd_held_out is not None for c in tested)
-    table = Table(title="candidates that could be tested", title_justify="left")
-    table.add_column("effect", no_wrap=True)
-    table.add_column("ln BF", justify="right", no_wrap=True)
-    if scored:
-        table.add_column("held-out score", justify="right")
-    table.add_column("status", no_wrap=True)
-    table.add_column("why")
+    table = titled(
+        "candidates that could be tested",
+        Column("effect", no_wrap=True),
+        numbers("ln BF", no_wrap=True),
+        *([numbers("held-out score")] if scored else []),
+        Column("status", no_wrap=True),
+        "why",
+    )
     for c in tested:
         factor, score = c.ln_bayes_factor, c.delta_elpd_held_out
         told = "-" if score is None else f"{score:.1f} ± {c.delta_elpd_se:.1f}"

@@ -4,11 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from rich.table import Table
-
 from sma_bayes.quantities import unit_text
 from sma_bayes.records.types import Campaign
-from sma_bayes.report.screen import screen
+from sma_bayes.report.screen import screen, titled
 from sma_bayes.runs.declared_units import shown_as, shown_units
 from sma_bayes.studies.inspect.schema import InspectionDocument
 
@@ -17,9 +15,8 @@ def show_inspection(report: dict[str, Any], campaign: Campaign) -> None:
     """Tell what `inspect_campaign` found, in the units that the campaign declares."""
     found, units = InspectionDocument.model_validate(report), shown_units(campaign.records)
     console = screen()
-    table = Table(title=found.campaign, title_justify="left")
-    for name in ("record", "file", "samples", "cycles", "temperature", "channels", "held constant", "noise"):
-        table.add_column(name)
+    columns = ("record", "file", "samples", "cycles", "temperature", "channels", "held constant", "noise")
+    table = titled(found.campaign, *columns)
     for r in found.records:
         t = r.temperature
         degrees = shown_as(t.unit, units)
@@ -40,9 +37,7 @@ def show_inspection(report: dict[str, Any], campaign: Campaign) -> None:
     names = {(r.condition, key): c.name for r in found.records for key, c in r.channels.items()}
     names |= {(r.condition, key): h.name for r in found.records for key, h in r.held.items()}
     if found.findings:
-        findings = Table(title="findings", title_justify="left")
-        for name in ("kind", "where", "rows", "kept out", "what"):
-            findings.add_column(name)
+        findings = titled("findings", "kind", "where", "rows", "kept out", "what")
         for f in found.findings:
             rows = ", ".join(str(r) for r in f.rows[:5]) + (" ..." if f.count > 5 else "")
             column = names.get((f.condition, f.column), f.column)

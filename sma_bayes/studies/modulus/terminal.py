@@ -11,7 +11,7 @@ from rich.table import Table
 from sma_bayes.errors import many
 from sma_bayes.quantities import unit_text
 from sma_bayes.report.notation import interval_text
-from sma_bayes.report.screen import SHOWN, screen, show_end
+from sma_bayes.report.screen import SHOWN, numbers, screen, show_end, titled
 from sma_bayes.runs.shown import in_declared_units
 from sma_bayes.studies.modulus.schema import ModulusDocument, ModulusSweep
 
@@ -39,12 +39,8 @@ def show_modulus(told: Mapping[str, Any], out: Path) -> None:
 
 def _table(found: ModulusDocument) -> Table:
     names = list(dict.fromkeys(t.name for s in found.sweeps for t in s.temperatures if t.identified))
-    table = Table(
-        title=f"temperatures [{unit_text(found.temperature_unit)}]: median (90 %)", title_justify="left"
-    )
-    table.add_column("sweep")
-    for name in names:
-        table.add_column(name.replace("_", " "), justify="right")
+    title = f"temperatures [{unit_text(found.temperature_unit)}]: median (90 %)"
+    table = titled(title, "sweep", *(numbers(name.replace("_", " ")) for name in names))
     for s in found.sweeps[:SHOWN]:
         table.add_row(s.id, *(_cell(s, name) for name in names))
     if len(found.sweeps) > SHOWN:

@@ -213,9 +213,7 @@ def _text(sheet: Sheet) -> str:
     from rich.table import Table
 
     out = StringIO()
-    shown = Table(title=sheet.title, title_justify="left")
-    for name in sheet.rows[0]:
-        shown.add_column(name)
+    shown = Table(*sheet.rows[0], title=sheet.title, title_justify="left")
     for row in sheet.rows:
         shown.add_row(*(cell.replace("[", r"\[") for cell in _shown(row)))
     Console(file=out, width=200).print(shown)

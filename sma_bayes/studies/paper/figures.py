@@ -15,7 +15,6 @@ from matplotlib.patches import Patch
 
 from sma_bayes.arrays import Floats
 from sma_bayes.paper.tables import CellStatus
-from sma_bayes.report.figures.averages import row_names
 from sma_bayes.report.figures.sheet import (
     COLOURS,
     FAINT,
@@ -26,6 +25,7 @@ from sma_bayes.report.figures.sheet import (
     dot_handle,
     empty_sheet,
     label_width,
+    name_rows,
     panels,
 )
 from sma_bayes.runs.schema import IntervalDocument
@@ -422,7 +422,7 @@ def extremes_figure(entries: Sequence[ReproducedEntry]) -> Drawing:
             if e.published is not None:
                 colour = WARNING if e.status != CellStatus.OK else LOOKS[SIGMOID][0]
                 ax.plot([e.published], [place], "D", ms=5, mfc="white", mec=colour, mew=1.1)
-        row_names(ax, names, labelled=ax is axes[0])
+        name_rows(ax, names, labelled=ax is axes[0])
         ax.set_xscale("log")
         low, high = ax.get_xlim()
         shown = [t for t in DECADES if low <= t <= high]

@@ -10,7 +10,7 @@ from rich.table import Table
 
 from sma_bayes.quantities import unit_text
 from sma_bayes.report.notation import write
-from sma_bayes.report.screen import NOT_CONVERGED, screen, show_end
+from sma_bayes.report.screen import NOT_CONVERGED, numbers, screen, show_end, titled
 from sma_bayes.studies.plan.schema import PlanFindings, PlannedCandidate
 from sma_bayes.studies.plan.shown import in_declared_units
 from sma_bayes.studies.plan.words import (
@@ -49,21 +49,14 @@ def show_plan(told: Mapping[str, Any], out: Path | None) -> None:
 
 
 def _table(found: PlanFindings) -> Table:
-    table = Table(
-        title=f"best of {len(found.candidates)} candidates, by what they tell per hour", title_justify="left"
+    gained = ["nats", "nats/h", "leaves" if found.kind == "quantity" else "shrinks variances by"]
+    told = map(pair_name, found.rivals) if found.kind == "tell-apart" else gained
+    table = titled(
+        f"best of {len(found.candidates)} candidates, by what they tell per hour",
+        *("condition", "temperature", "rate"),
+        *map(numbers, ("cycles", "samples", "time", *told)),
+        "beyond",
     )
-    for name in ("condition", "temperature", "rate"):
-        table.add_column(name)
-    for name in ("cycles", "samples", "time"):
-        table.add_column(name, justify="right")
-    if found.kind == "tell-apart":
-        for p in found.rivals:
-            table.add_column(pair_name(p), justify="right")
-    else:
-        table.add_column("nats", justify="right")
-        table.add_column("nats/h", justify="right")
-        table.add_column("leaves" if found.kind == "quantity" else "shrinks variances by", justify="right")
-    table.add_column("beyond")
     shown = [c for c in found.candidates if c.fits][:SHOWN]
     degrees = unit_text(found.temperature_unit)
     lowest, peak = _alike([c.lowest for c in shown]), _alike([c.peak for c in shown])

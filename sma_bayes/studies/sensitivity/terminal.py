@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from rich.table import Table
+from rich.table import Column, Table
 
 from sma_bayes.report.notation import interval_text, unit_label
-from sma_bayes.report.screen import NOT_CONVERGED, SHOWN, screen, show_end
+from sma_bayes.report.screen import NOT_CONVERGED, SHOWN, numbers, screen, show_end, titled
 from sma_bayes.studies.sensitivity.schema import (
     NONE,
     QuantitySensitivity,
@@ -41,19 +41,15 @@ def show_sensitivity(found: dict[str, Any], out: Path | None) -> None:
 
 
 def _table(record: RecordSensitivity) -> Table:
-    table = Table(title=f"{record.key}, {record.n} readings", title_justify="left")
-    table.add_column("number", no_wrap=True)
-    table.add_column("median, 90 % interval", justify="right")
-    for name in ("prior", "data"):
-        table.add_column(name, justify="right")
-    table.add_column("diagnosis")
     swept = any(q.sweeps for q in record.quantities)
     doubled = any(q.bootstrap for q in record.quantities)
-    if swept:
-        table.add_column("without sweep", justify="right")
-    table.add_column("without row", justify="right")
-    if doubled:
-        table.add_column("bootstrap", justify="right")
+    table = titled(
+        f"{record.key}, {record.n} readings",
+        Column("number", no_wrap=True),
+        *map(numbers, ("median, 90 % interval", "prior", "data")),
+        "diagnosis",
+        *map(numbers, ["without sweep"] * swept + ["without row"] + ["bootstrap"] * doubled),
+    )
     for q in reported(record):
         table.add_row(*_cells(q, swept, doubled))
     return table

@@ -10,7 +10,7 @@ from rich.table import Table
 
 from sma_bayes.errors import many
 from sma_bayes.report.notation import interval_text, unit_label
-from sma_bayes.report.screen import NOT_CONVERGED, screen, show_end
+from sma_bayes.report.screen import NOT_CONVERGED, numbers, screen, show_end, titled
 from sma_bayes.runs.declared_units import units_of
 from sma_bayes.runs.shown import shown_part
 from sma_bayes.studies.gap.schema import HeatParameter
@@ -61,17 +61,15 @@ def shown_parameters(document: SimulationFindings) -> dict[str, HeatParameter]:
 def _ends(document: SimulationFindings) -> Table:
     profile = document.profile
     assert profile is not None
-    table = Table(
-        title=f"after {profile.duration_s:.4g} s of {profile.file}: median (90 % interval of another run)",
-        title_justify="left",
-    )
-    table.add_column("condition")
-    table.add_column("start")
     degrees = {r.temperature_unit for r in document.runs}
-    table.add_column(f"hottest [{' or '.join(map(unit_label, sorted(degrees)))}]", justify="right")
     columns = {(c, unit): name for r in document.runs for c, (name, unit) in _named(r).items()}
-    for (_, unit), name in columns.items():
-        table.add_column(f"{name} [{unit_label(unit) or '1'}]", justify="right")
+    table = titled(
+        f"after {profile.duration_s:.4g} s of {profile.file}: median (90 % interval of another run)",
+        "condition",
+        "start",
+        numbers(f"hottest [{' or '.join(map(unit_label, sorted(degrees)))}]"),
+        *(numbers(f"{name} [{unit_label(unit) or '1'}]") for (_, unit), name in columns.items()),
+    )
     for r in document.runs:
         end = r.shown
         cells = [value_text(end[c]) if c in end and end[c].unit == unit else "-" for c, unit in columns]

@@ -6,12 +6,10 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, Final
 
-from rich.table import Table
-
 from sma_bayes.errors import many
 from sma_bayes.quantities import quantity_of
 from sma_bayes.report.notation import unit_label, write
-from sma_bayes.report.screen import FIT_AGAIN, SHOWN, Screen, screen, show_end
+from sma_bayes.report.screen import FIT_AGAIN, SHOWN, Screen, numbers, screen, show_end, titled
 from sma_bayes.runs.shown import in_declared_units
 from sma_bayes.studies.watch.schema import WatchDocument, WatchedNumber
 from sma_bayes.studies.watch.tables import scatter_of
@@ -41,12 +39,8 @@ def show_watch(told: Mapping[str, Any], out: Path | None) -> None:
 
 def _show_numbers(console: Screen, found: WatchDocument) -> None:
     last = found.cycles[-LAST:]
-    table = Table(title="watched cycles; ! is outside the normal range (95 %)", title_justify="left")
-    for name in ("", "normal"):
-        table.add_column(name, justify="left")
-    for c in last:
-        table.add_column(f"{c.cycle}", justify="right")
-    table.add_column("log10 e-value", justify="right")
+    counted = map(numbers, [*(f"{c.cycle}" for c in last), "log10 e-value"])
+    table = titled("watched cycles; ! is outside the normal range (95 %)", "", "normal", *counted)
     for n in found.numbers:
         name = f"{n.branch} {quantity_of(n.channel, specimen=found.specimen)} {n.number} [{unit_label(n.unit) or '1'}]"
         evidence = f"{n.log10_e[-1]:z.2f}" + (" ALARM" if n.alarm else "")

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 from sma_bayes.report.content import PAPER_CORRELATION
-from sma_bayes.report.figures.averages import Mark, average_columns, correlation_axis, row_names, tell_apart
-from sma_bayes.report.figures.sheet import Drawing, dot_handle, empty_sheet, label_width, panels
+from sma_bayes.report.figures.averages import Mark, average_columns, correlation_axis, tell_apart
+from sma_bayes.report.figures.sheet import Drawing, dot_handle, empty_sheet, label_width, name_rows, panels
 from sma_bayes.studies.compare.figures.models import drawn_order, look
 from sma_bayes.studies.compare.schema import StoredComparison
 from sma_bayes.studies.compare.tables import model_averages, short
@@ -30,7 +30,7 @@ def model_average_figure(stored: StoredComparison) -> Drawing:
             if (a.document.quantity, a.document.unit) == channel
         ]
         correlation_axis(ax, marks)
-        row_names(ax, [short(n) for n in models], labelled=ax is axes[0])
+        name_rows(ax, [short(n) for n in models], labelled=ax is axes[0])
         ax.set_title(f"average r of {channel[0]}")
         tell_apart(ax, channel, channels)
     figure.legend(

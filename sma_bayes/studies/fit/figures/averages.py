@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Final
 
 from sma_bayes.report.content import PAPER_CORRELATION, AverageFactor, Content
-from sma_bayes.report.figures.averages import Mark, average_columns, correlation_axis, row_names, tell_apart
+from sma_bayes.report.figures.averages import Mark, average_columns, correlation_axis, tell_apart
 from sma_bayes.report.figures.sheet import (
     COLOURS,
     FAINT,
@@ -14,6 +14,7 @@ from sma_bayes.report.figures.sheet import (
     dot_handle,
     empty_sheet,
     label_width,
+    name_rows,
     panels,
 )
 
@@ -44,7 +45,7 @@ def average_figure(content: Content) -> Drawing:
             if _shown_channel(a) == (channel, name, unit)
         ]
         correlation_axis(ax, marks, beside_paper=bool(content.printed))
-        row_names(ax, names, labelled=ax is axes[0])
+        name_rows(ax, names, labelled=ax is axes[0])
         ax.set_title(f"average r of {name}")
         tell_apart(ax, (name, unit), [c[1:] for c in channels])
     figure.legend(
