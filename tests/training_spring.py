@@ -49,10 +49,31 @@ def curve(numbers: np.ndarray, temperature: np.ndarray, branch: Branch, channel:
     """A Gompertz curve with four numbers, shape (..., n); force changes half as much, which changes the stiffness."""
     numbers = numbers * FOLLOWS[channel]
     a, g, d, w = (numbers[..., i, None] for i in range(4))
-    middle = 60.0 if branch is Branch.HEATING else 45.0
-    at = (temperature - middle - d) / (5.0 * np.exp(w))
+    at = (temperature - _middle(branch) - d) / (5.0 * np.exp(w))
     share = np.exp(-np.log(2.0) * np.exp(-at))
     return STROKE[channel] * (0.5 + a + np.exp(g) * (share - 0.5))
+
+
+def about_mean(
+    numbers: np.ndarray, ends: tuple[float, float], branch: Branch, channel: str
+) -> dict[str, np.ndarray]:
+    """Offset, stroke, shift and width of sweeps, shape (n,), about the curve with their mean numbers between two ends.
+
+    Each sweep is where the mean one is at its middle, halfway between its values at the ends.
+    """
+    mean, (_, g, d, w) = numbers.mean(axis=0), numbers.T * FOLLOWS[channel]
+    t = np.linspace(*ends, 100_001)
+    there = curve(mean, t, branch, channel)
+    halfway = float(np.interp(0.5 * (there[0] + there[-1]), there, t))
+    by = (halfway - _middle(branch) - d.mean()) / np.exp(w.mean())
+    when = _middle(branch) + d + by * np.exp(w)
+    level = np.array([curve(n, at[None], branch, channel)[0] for n, at in zip(numbers, when, strict=True)])
+    stroke = (there[-1] - there[0]) * np.exp(g - g.mean())
+    return {"offset": level, "stroke": stroke, "shift": when - halfway, "width": np.exp(w - w.mean())}
+
+
+def _middle(branch: Branch) -> float:
+    return 60.0 if branch is Branch.HEATING else 45.0
 
 
 def measured(
@@ -60,12 +81,13 @@ def measured(
     rng: np.random.Generator,
     channels: tuple[str, ...] = ("displacement",),
     noise: float = NOISE,
+    ends: tuple[float, float] = (20.0, 95.0),
 ) -> list[Record]:
     """One record a branch; force and displacement train alike."""
     records = []
     for branch in Branch:
         cycles = len(truth.sweep[branch])
-        t = np.linspace(20.0, 95.0, SAMPLES) + rng.uniform(-0.3, 0.3, (cycles, SAMPLES))
+        t = np.linspace(*ends, SAMPLES) + rng.uniform(-0.3, 0.3, (cycles, SAMPLES))
         t = t if branch is Branch.HEATING else t[:, ::-1]
         observed = {
             c: (

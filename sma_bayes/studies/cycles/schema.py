@@ -49,11 +49,11 @@ class CommonCurve(DocumentPart):
     model: str = Field(description="name of its response model")
     parameters: dict[str, Number] = Field(description="least-squares estimates of the curve's parameters")
     midpoint: Temperature[Number] = Field(
-        description="temperature at which it is halfway [unit of temperature]"
+        description="temperature at which the mean sweep is halfway [unit of temperature]"
     )
-    level: InUnit[Number] = Field(description="level there [`unit`]")
+    level: InUnit[Number] = Field(description="its level there [`unit`]")
     span: InUnit[Number] = Field(
-        description="its stroke between the ends of the measured temperatures [`unit`]"
+        description="stroke of the mean sweep between the ends of the measured temperatures [`unit`]"
     )
     noise: InUnit[Number] = Field(description="standard deviation of what curve and numbers leave [`unit`]")
     missed: Number = Field(description="the same over the range of the channel [1]")
@@ -140,8 +140,8 @@ class QuantityByCycle(DocumentPart):
     branch: str = Field(description="`heating` or `cooling`")
     channel: str = Field(description="the channel")
     name: str = Field(
-        description="`offset` (level halfway), `stroke`, `shift` (against the common curve), `width` (over that of the "
-        "common curve), `As`, `Af`, `Ms`, `Mf`, or at a temperature the channel or `stiffness`"
+        description="`offset` (level halfway), `stroke`, `shift` (against the mean of the measured sweeps), `width` "
+        "(over theirs), `As`, `Af`, `Ms`, `Mf`, or at a temperature the channel or `stiffness`"
     )
     unit: Annotated[str, UnitOf(lambda q: channel_of_value(q.name, q.channel))] = Field(
         description="its unit"

@@ -13,6 +13,7 @@ from sma_bayes.assess.transformation import NAMES
 from sma_bayes.quantities import quotient
 from sma_bayes.records.types import Branch, Record
 from sma_bayes.studies.cycles.laws import LawPosterior, NumberDraws, Series
+from sma_bayes.studies.cycles.mean_sweep import about_mean_sweep
 from sma_bayes.studies.cycles.schema import HeldOutCycles
 from sma_bayes.studies.cycles.sweeps import NUMBERS, PRIOR_SD, USUAL_SCATTER, Strand, fit_strand
 
@@ -24,7 +25,9 @@ HELD_OUT: Final = 0.3
 FEWEST_TO_HOLD_OUT: Final = 5
 """Cycles from which that is done."""
 ERROR_DRAWS: Final = 200
-"""NumberDraws of the common curve that tell how uncertain it makes a single sweep."""
+"""Draws of the common curve that tell how uncertain it makes a value of a single sweep."""
+OWN_DRAWS: Final = 1000
+"""Draws of curve and numbers that tell how uncertain the four numbers of a single sweep are."""
 FLAT: Final = 1e-3
 """Slope below which a displacement is level and has no stiffness [greatest slope of the common curve]."""
 
@@ -54,10 +57,28 @@ class Pooled:
     draws: tuple[NumberDraws, ...]
     errors: tuple[Floats | None, ...]
 
+    def measured(self, strand: int) -> Ints:
+        """Places of the measured sweeps of a strand among the cycles."""
+        return np.searchsorted(self.cycle, self.strands[strand].cycle)
+
     def numbers(self, strand: int, what: str = "sweep") -> Floats:
-        """NumberDraws of the four numbers of a strand, shape (S, G, 4)."""
+        """Draws of the four numbers of a strand beside its common curve as it was fitted, shape (S, G, 4)."""
         own = self.draws[4 * strand : 4 * strand + 4]
         return np.stack([getattr(d, what) for d in own], axis=-1)
+
+    def numbers_beside_errors(self, strand: int) -> Floats:
+        """Those of the sweeps beside its common curve with the `errors` of each draw."""
+        drawn, errors, responses = self.numbers(strand), self.errors[strand], self.strands[strand].responses
+        if errors is None or responses is None:
+            return drawn
+        every = np.tile(responses.mean(axis=0), (self.cycle.size, 1, 1))
+        every[self.measured(strand)] = responses
+        return np.asarray(drawn + _moved(every, errors))
+
+
+def _moved(responses: Floats, errors: Floats) -> Floats:
+    """By how much errors (S, k) of the common curve move numbers with some responses (n, 4, k): (S, n, 4)."""
+    return np.asarray((errors @ responses.reshape(-1, errors.shape[1]).T).reshape(-1, *responses.shape[:2]))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -167,37 +188,45 @@ def _series(
 
 
 def _four(pooled: Pooled, place: int) -> Iterator[CycleSeries]:
-    strand = pooled.strands[place]
-    draws, own, sds = pooled.numbers(place), strand.numbers, strand.sds
-    stroke = strand.span * np.exp(own[:, 1])
-    for i, (name, value, sd, drawn) in enumerate((
-        ("offset", strand.level + strand.span * own[:, 0], strand.span * sds[:, 0],
-         strand.level + strand.span * draws[..., 0]),
-        ("stroke", stroke, stroke * sds[:, 1], strand.span * np.exp(draws[..., 1])),
-        ("shift", own[:, 2], sds[:, 2], draws[..., 2]),
-        ("width", np.exp(own[:, 3]), np.exp(own[:, 3]) * sds[:, 3], np.exp(draws[..., 3])),
-    )):  # fmt: skip
-        assert name == NUMBERS[i]
-        yield _series(pooled, place, name, strand.units[name], None, value, sd, drawn)
+    strand, errors = pooled.strands[place], pooled.errors[place]
+    drawn = about_mean_sweep(strand, pooled.numbers_beside_errors(place), errors, pooled.measured(place))
+    every = np.arange(strand.cycle.size)
+    own = about_mean_sweep(strand, strand.numbers[None], None, every)[0]
+    alone, moved = _own_draws(strand, OWN_DRAWS)
+    sds = np.std(about_mean_sweep(strand, alone, moved, every), axis=0)
+    for i, name in enumerate(NUMBERS):
+        yield _series(pooled, place, name, strand.units[name], None, own[:, i], sds[:, i], drawn[..., i])
+
+
+def _own_draws(strand: Strand, size: int) -> tuple[Floats, Floats | None]:
+    """Draws of the numbers of single sweeps (S, n, 4), and of the errors of the common curve beside which they are."""
+    rng = np.random.default_rng(0)
+    numbers = strand.numbers + strand.sds * rng.standard_normal((size, *strand.numbers.shape))
+    errors = strand.errors(size, rng)
+    if errors is None or strand.responses is None:
+        return numbers, errors
+    return numbers + _moved(strand.responses, errors), errors
 
 
 def _temperatures(pooled: Pooled, place: int) -> Iterator[CycleSeries]:
     """Start and finish: crossings of tangents of the common curve go where shift and width take them."""
     strand = pooled.strands[place]
     found, unit = strand.tangents(), strand.record.units["temperature"]
-    draws, own, sds = pooled.numbers(place), strand.numbers, strand.sds
     for name, crossing in zip(NAMES[strand.record.branch], (found.lower, found.upper), strict=True):
         away = float(crossing[0]) - strand.middle
-        value = strand.middle + own[:, 2] + away * np.exp(own[:, 3])
-        sd = np.hypot(sds[:, 2], away * np.exp(own[:, 3]) * sds[:, 3])
-        drawn = strand.middle + draws[..., 2] + away * np.exp(draws[..., 3])
-        yield _series(pooled, place, name, unit, None, value, sd, drawn)
+
+        def moved(numbers: Floats, away: float = away) -> Floats:
+            return np.asarray(strand.middle + numbers[..., 2] + away * np.exp(numbers[..., 3]))
+
+        sd = np.std(moved(_own_draws(strand, OWN_DRAWS)[0]), axis=0)
+        drawn = moved(pooled.numbers_beside_errors(place))
+        yield _series(pooled, place, name, unit, None, moved(strand.numbers), sd, drawn)
 
 
 def _value(pooled: Pooled, place: int, temperature: float) -> CycleSeries:
     strand, t = pooled.strands[place], np.array([temperature])
     value, sd = _propagated(lambda p, e: strand.curve(p, t, e)[..., 0], strand)
-    drawn = strand.curve(pooled.numbers(place), t, pooled.errors[place])[..., 0]
+    drawn = strand.curve(pooled.numbers_beside_errors(place), t, pooled.errors[place])[..., 0]
     return _series(pooled, place, strand.channel, strand.unit, temperature, value, sd, drawn)
 
 
@@ -213,6 +242,8 @@ def _propagated(value_of: Callable[[Floats, Floats | None], Floats], strand: Str
     errors = strand.errors(ERROR_DRAWS, np.random.default_rng(0))
     if errors is not None:
         numbers = np.broadcast_to(strand.numbers, (ERROR_DRAWS, *strand.numbers.shape))
+        if strand.responses is not None:
+            numbers = numbers + _moved(strand.responses, errors)
         variance += np.var(value_of(numbers, errors), axis=0)
     return value, np.sqrt(variance)
 
@@ -229,7 +260,8 @@ def _stiffness(pooled: Pooled, force: int, displacement: int, temperature: float
         return np.asarray(np.where(np.abs(of_displacement) > FLAT * steepest, k, np.nan))
 
     drawn = ratio(*(
-        pooled.strands[i].slope(pooled.numbers(i), t, pooled.errors[i])[..., 0] for i in (force, displacement)
+        pooled.strands[i].slope(pooled.numbers_beside_errors(i), t, pooled.errors[i])[..., 0]
+        for i in (force, displacement)
     ))  # fmt: skip
     both, of_f, of_x = np.intersect1d(f.cycle, x.cycle, return_indices=True)
     fs, sd_f = _propagated(lambda p, e: f.slope(p, t, e)[..., 0], f)
@@ -270,7 +302,7 @@ def _forecast(pooled: Pooled, place: int, strand: Strand, last: float, seed: int
     trained, later = pooled.strands[place], strand.cycle > last
     record, cycle = strand.part(later)
     grid = np.searchsorted(pooled.cycle, cycle)
-    numbers = pooled.numbers(place)
+    numbers = pooled.numbers_beside_errors(place)
     rng = np.random.default_rng([seed, 1])
     measured = record.observed[strand.channel]
     missed, missed_last, covered, start = [], [], [], 0
@@ -294,7 +326,9 @@ def _forecast(pooled: Pooled, place: int, strand: Strand, last: float, seed: int
         rmse=float(np.sqrt(np.mean(np.concatenate(missed) ** 2)) / size),
         rmse_last=float(np.sqrt(np.mean(np.concatenate(missed_last) ** 2)) / size),
         covered=float(np.mean(np.concatenate(covered))),
-        numbers_covered=float(np.mean(_numbers_covered(trained, record, cycle, numbers[:, grid], rng))),
+        numbers_covered=float(
+            np.mean(_numbers_covered(trained, record, cycle, pooled.numbers(place)[:, grid], rng))
+        ),
     )
 
 

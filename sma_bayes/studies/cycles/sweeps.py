@@ -104,6 +104,8 @@ class Strand:
         Of what the response model misses of all sweeps alike [unit of the channel], against temperature on the curve.
     weights : WeightsGivenResiduals, optional
         Of its functions.
+    responses : ndarray, shape (n, 4, k), optional
+        By how much the numbers of each sweep change with each of these weights.
     """
 
     record: Record
@@ -123,6 +125,7 @@ class Strand:
     converged: bool = False
     missed: DiscrepancyBasis | None = None
     weights: WeightsGivenResiduals | None = None
+    responses: Floats | None = None
 
     @property
     def units(self) -> dict[str, str]:
@@ -130,6 +133,17 @@ class Strand:
         temperature = self.record.units["temperature"]
         shift = "K" if temperature == "degC" else temperature
         return dict(zip(NUMBERS, (self.unit, self.unit, shift, "1"), strict=True))
+
+    def in_units(self, name: str, value: Floats) -> Floats:
+        """One of the numbers about the common curve as it was fitted, in its unit."""
+        with np.errstate(over="ignore"):
+            if name == "offset":
+                return np.asarray(self.level + self.span * value)
+            return (
+                value
+                if name == "shift"
+                else np.asarray(np.exp(value) * (1.0 if name == "width" else self.span))
+            )
 
     @property
     def unit(self) -> str:
@@ -385,7 +399,8 @@ def _centred(strand: Strand) -> Strand:
 
 
 def _with_curve(strand: Strand) -> Strand:
-    """The curve fitted anew to all sweeps, each moved onto it."""
+    """The curve fitted anew to all sweeps, each moved onto it, with the mean of their numbers in it."""
+    strand = replace(strand, numbers=strand.numbers - strand.numbers.mean(axis=0))
     at, there, _ = _onto_curve(strand)
     moved = replace(
         strand.record, inputs={**strand.record.inputs, "temperature": at}, observed={strand.channel: there}
@@ -483,7 +498,18 @@ def _with_sds(strand: Strand) -> Strand:
     strand = replace(strand, sds=sds, noise=noise, lag1_correlation=memory)
     if strand.missed is None:
         return strand
-    return replace(strand, weights=_weights(strand, noise * np.sqrt((1.0 + memory) / (1.0 - memory))))
+    weights = _weights(strand, noise * np.sqrt((1.0 + memory) / (1.0 - memory)))
+    return replace(strand, weights=weights, responses=_responses(strand, rows, noise))
+
+
+def _responses(strand: Strand, rows: Floats, noise: float) -> Floats:
+    """By how much the numbers of each sweep change with the weights of what the common curve misses, (n, 4, k)."""
+    assert strand.missed is not None
+    at, _, grows = _onto_curve(strand)
+    functions = strand.missed.at(at) / grows[:, None]
+    hold = noise**2 * np.diag(PRIOR_SD**-2)
+    sweeps = zip(np.split(rows, strand.starts[1:]), np.split(functions, strand.starts[1:]), strict=True)
+    return np.array([-np.linalg.solve(own.T @ own + hold, own.T @ there) for own, there in sweeps])
 
 
 def _memory(strand: Strand, left: Floats, rows: Floats) -> tuple[float, float]:

@@ -28,6 +28,7 @@ from sma_bayes.runs.schema import IntervalDocument, interval_document
 from sma_bayes.runs.store import or_nan, write_csv
 from sma_bayes.studies.ask.workflow import asked_temperature
 from sma_bayes.studies.cycles.laws import EARNED, FORMS, NONE, PACES
+from sma_bayes.studies.cycles.mean_sweep import mean_sweep
 from sma_bayes.studies.cycles.schema import (
     ChangeOfNumber,
     CommonCurve,
@@ -83,8 +84,9 @@ def cycles(
     """Tell cycle by cycle what every sweep is, by which law it settles, when it is stable, and what comes.
 
     Every sweep is the common curve of its branch with four numbers: offset, stroke, shift in temperature, and width
-    (the shape-invariant model). These are pooled over cycles under a law of training with one N0, exponential,
-    stretched or logarithmic, or none, with a random effect of the sweep and a random walk.
+    (the shape-invariant model), told against the mean of the measured sweeps. These are pooled over cycles under a law
+    of training with one N0, exponential, stretched or logarithmic, or none, with a random effect of the sweep and a
+    random walk.
 
     Parameters
     ----------
@@ -243,12 +245,15 @@ def _studied(
 
 
 def _curve(s: Strand) -> CommonCurve:
+    mean = mean_sweep(s, s.numbers[None], None, np.arange(s.cycle.size))
     return CommonCurve.about(
         s,
         branch=s.record.branch.value,
         model=s.model.name,
         parameters=dict(zip(s.model.parameter_names, s.theta.tolist(), strict=True)),
-        midpoint=s.middle,
+        midpoint=float(mean.middle[0]),
+        level=float(mean.level[0]),
+        span=float(mean.span[0]),
         missed=s.noise / s.range,
     )
 
@@ -371,7 +376,7 @@ def _columns(pooled: Pooled, place: int) -> dict[str, Any]:
     """Median and 90 % interval of the curve of each cycle."""
     strand = pooled.strands[place]
     t = np.linspace(*strand.ends, CURVE_POINTS)
-    numbers = pooled.numbers(place)
+    numbers = pooled.numbers_beside_errors(place)
     bands = [
         np.quantile(strand.curve(numbers[:, n], t, pooled.errors[place]), [0.05, 0.5, 0.95], axis=0)
         for n in range(pooled.cycle.size)

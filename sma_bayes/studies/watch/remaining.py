@@ -147,7 +147,8 @@ def _extended(reference: Reference, s: int, later: Sequence[Sequence[StrandNumbe
     sweeps = [*reference.numbers[s], *(cycle[s] for cycle in later)][first:]
     cycle = np.concatenate([reference.cycle, reference.cycle[-1] + 1.0 + np.arange(len(later))])[first:]
     values = np.array([n.value[: len(NUMBERS)] for n in sweeps])
-    return replace(reference.strands[s], cycle=cycle, numbers=values, sds=np.array([n.sd for n in sweeps]))
+    sds = np.array([n.sd for n in sweeps])
+    return replace(reference.strands[s], cycle=cycle, numbers=values, sds=sds, responses=None)
 
 
 def _of_limit(reference: Reference, pooled: Pooled, limit: WatchLimit) -> Iterator[LimitDocument]:
@@ -163,9 +164,15 @@ def _of_limit(reference: Reference, pooled: Pooled, limit: WatchLimit) -> Iterat
 
 
 def _fitting(pooled: Pooled, limit: WatchLimit) -> Iterator[CycleSeries]:
-    for q in quantities(pooled, () if limit.at is None else (limit.at,)):
-        if q.name == limit.name and (q.at is None) == (limit.at is None):
-            yield q
+    """What the limit is of: numbers about the common curve as it was fitted, values at a temperature."""
+    if limit.at is not None:
+        yield from (q for q in quantities(pooled, (limit.at,)) if q.name == limit.name and q.at is not None)
+        return
+    alone = np.full(pooled.cycle.size, np.nan)
+    for place, s in enumerate(pooled.strands):
+        drawn = s.in_units(limit.name, pooled.numbers(place)[..., NUMBERS.index(limit.name)])
+        unit = s.units[limit.name]
+        yield CycleSeries(s.record.branch.value, s.channel, limit.name, unit, None, alone, alone, drawn)
 
 
 def _reached(reference: Reference, pooled: Pooled, q: CycleSeries, limit: WatchLimit) -> LimitDocument:
@@ -217,12 +224,8 @@ def _as_fitted(reference: Reference, q: CycleSeries) -> float:
         for c, (i, _) in strands.items()
     }
     if q.name in NUMBERS:
-        _, s = strands[q.channel]
-        a, g, d, w = (float(v) for v in mean[q.channel])
-        values = {
-            "offset": s.level + s.span * a, "stroke": s.span * np.exp(g), "shift": d, "width": np.exp(w)
-        }  # fmt: skip
-        return float(values[q.name])
+        i = NUMBERS.index(q.name)
+        return float(strands[q.channel][1].in_units(q.name, mean[q.channel][i]))
     t = np.array([q.at if q.at is not None else np.nan])
     if q.name in strands:
         return float(strands[q.name][1].curve(mean[q.name], t)[0])

@@ -20,7 +20,7 @@ from sma_bayes.runs.store import or_nan
 from sma_bayes.studies.cycles.sweeps import Strand
 from sma_bayes.studies.watch.evidence import Watched, least_squares_of, onset
 from sma_bayes.studies.watch.naming import Change, NamedCause, causes_of, change_of, interval, named
-from sma_bayes.studies.watch.reference import WATCHED, Reference
+from sma_bayes.studies.watch.reference import NOISE, WATCHED, Reference
 from sma_bayes.studies.watch.schema import (
     AlarmDocument,
     AmountDocument,
@@ -179,12 +179,7 @@ def _unit(strand: Strand, number: int) -> str:
 def _physical(strand: Strand, number: int, value: Floats) -> Floats:
     """A number in its unit."""
     name = WATCHED[number]
-    with np.errstate(over="ignore"):
-        if name == "offset":
-            return strand.level + strand.span * value
-        if name == "shift":
-            return value
-        return np.asarray(np.exp(value) * (1.0 if name == "width" else strand.span))
+    return strand.in_units("stroke" if name == NOISE else name, value)
 
 
 def _change(reference: Reference, began: _Began, units: Shown) -> ChangeDocument:
