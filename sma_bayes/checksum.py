@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any, Final
 
@@ -82,15 +82,8 @@ def netcdf_checksum(file: h5py.File) -> str:
     """
     names: list[str] = []
     file.visit(names.append)
-    digest = hashlib.sha256()
     try:
-        for name in ("/", *sorted(names)):
-            place = file[name]
-            digest.update(name.encode())
-            for key in sorted(set(place.attrs) - _OF_HDF5):
-                _add(digest, key, place.attrs[key])
-            if isinstance(place, h5py.Dataset):
-                _add(digest, "", place[()])
+        return content_checksum((name, *_held(file[name])) for name in ("/", *names))
     except (
         KeyError,
         RuntimeError,
@@ -98,7 +91,30 @@ def netcdf_checksum(file: h5py.File) -> str:
         TypeError,
     ) as error:  # HDF5 raises whatever it meets in a damaged file
         raise OSError(f"a part of the file is damaged: {error}") from None
+
+
+def content_checksum(parts: Iterable[tuple[str, Mapping[str, object], object]]) -> str:
+    """SHA-256 of groups and variables, as `netcdf_checksum` finds it of the file that holds them.
+
+    Parameters
+    ----------
+    parts : iterable of tuple
+        Name (that of the root is ``/``), attributes, and the values of a variable or None of a group; in any order.
+    """
+    digest = hashlib.sha256()
+    for name, attributes, values in sorted(parts, key=lambda part: (part[0] != "/", part[0])):
+        digest.update(name.encode())
+        for key in sorted(set(attributes) - _OF_HDF5):
+            _add(digest, key, attributes[key])
+        if values is not None:
+            _add(digest, "", values)
     return digest.hexdigest()
+
+
+def _held(place: h5py.Group | h5py.Dataset) -> tuple[dict[str, object], object]:
+    """Attributes of a part of a file, and the values of a variable."""
+    attributes = {key: place.attrs[key] for key in set(place.attrs) - _OF_HDF5}
+    return attributes, place[()] if isinstance(place, h5py.Dataset) else None
 
 
 def _add(digest: Any, name: str, value: object) -> None:

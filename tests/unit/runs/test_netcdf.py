@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 import xarray as xr
 
-from sma_bayes.checksum import KEY
-from sma_bayes.runs.netcdf import Variable, VariableGroup, write_groups
+from sma_bayes.checksum import KEY, has_its_checksum
+from sma_bayes.runs.netcdf import LONGEST, Variable, VariableGroup, axes, write_groups
 
 
 @pytest.fixture
@@ -67,3 +67,23 @@ def test_what_is_to_be_packed_is_and_nothing_else(tree: xr.DataTree, tmp_path: P
         assert file["curves/temperature"].compression is None
         assert file["posterior/B1"].compression is None
         assert file["curves/force"].dims[2][0] == file["curves/obs"]
+
+
+def test_the_checksum_is_that_of_what_can_be_read(tree: xr.DataTree, tmp_path: Path) -> None:
+    write_groups(tmp_path / "ours.nc", groups(tree), packed=("curves",))
+    assert has_its_checksum(tmp_path / "ours.nc")
+    with h5py.File(tmp_path / "ours.nc", "r+") as file:
+        file["curves/force"][0, 0, 0] += 1.0
+    assert not has_its_checksum(tmp_path / "ours.nc")
+
+
+def test_packed_curves_of_many_points_are_read_as_they_were(tmp_path: Path) -> None:
+    points = 3 * LONGEST + 7
+    values = np.random.default_rng(0).random((2, 4, points)).astype(np.float32)
+    coords = axes(chain=range(2), draw=range(4), obs=range(points))
+    curves = VariableGroup({"force": Variable(("chain", "draw", "obs"), values)}, coords)
+    write_groups(tmp_path / "long.nc", {"/": VariableGroup(), "curves": curves}, packed=("curves",))
+    assert has_its_checksum(tmp_path / "long.nc")
+    with h5py.File(tmp_path / "long.nc") as file:
+        np.testing.assert_array_equal(file["curves/force"][()], values)
+        assert file["curves/force"].chunks == (2, 4, LONGEST)
