@@ -108,9 +108,10 @@ def test_a_run_that_was_killed_goes_on_to_the_same_bits(
 
 
 def test_a_half_written_file_and_a_spoilt_checkpoint_do_no_harm(
-    data: Path, whole: Path, assert_same_run: Same
+    data: Path, whole: Path, assert_same_run: Same, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = data / "spoilt"
+    monkeypatch.setattr("sma_bayes.studies.fit.chains.COSTLY", 0)  # chains stay
     fit_campaign(read_campaign(data), out, jobs=1, figures=False)
     (out / "posterior" / ".unfinished-abc.nc").write_bytes(b"half")
     (chain,) = (out / "checkpoints").glob("light-heating-*.h5")
@@ -131,6 +132,24 @@ def test_what_a_lost_worker_left_half_written_is_gone_at_the_end(data: Path) -> 
 
     fit_campaign(read_campaign(data), out, jobs=1, figures=False, progress=leave_half)
     assert list(out.rglob(".*")) == []
+
+
+def test_chains_stay_until_all_is_told_and_the_draws_can_be_made_again(
+    data: Path, whole: Path, assert_same_run: Same
+) -> None:
+    out = data / "ended"
+
+    def end(done: int, total: int, message: str) -> None:
+        if done == total:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fit_campaign(read_campaign(data), out, jobs=1, figures=False, progress=end)
+    assert len({p.name.split("-")[0] for p in (out / "checkpoints").glob("*.h5")}) == 2
+    for _ in range(2):  # from chains, then without them
+        fit_campaign(read_campaign(data), out, jobs=1, figures=False, resume=True)
+        assert_same_run(whole, out)
+        assert not (out / "checkpoints").exists()
 
 
 @pytest.mark.slow

@@ -26,6 +26,7 @@ from sma_bayes.runs.jobs import processes, run
 from sma_bayes.runs.outputs import band_path
 from sma_bayes.runs.store import write_csv, write_posterior
 from sma_bayes.sampling.moves import SAMPLERS
+from sma_bayes.studies.fit.chains import chain_path
 from sma_bayes.studies.fit.parts import Part, part_path, read_part, write_part
 from sma_bayes.studies.fit.summary import record_summary
 from sma_bayes.studies.options import DEFAULT_SAMPLER, FitOptions, models_of, plan_for
@@ -77,10 +78,7 @@ class _Assessed:
 def sample_task(task: FitTask) -> Fit:
     """Sample one posterior."""
     o = task.options
-    checkpoint = None
-    name = task.records[0].key if len(task.records) == 1 else f"all-{task.records[0].branch.value}"
-    if task.folder is not None:
-        checkpoint = task.folder / "checkpoints" / f"{name}.h5"
+    checkpoint = chain_path(task.folder or Path(), task.records)
     return fit_records(
         task.records,
         o.priors,
@@ -89,8 +87,8 @@ def sample_task(task: FitTask) -> Fit:
         seed=o.seed,
         plan=plan_for(o, task.records),
         doubted=task.doubted,
-        checkpoint=checkpoint,
-        progress=None if task.lines is None else lines_about(name, task.lines),
+        checkpoint=None if task.folder is None else checkpoint,
+        progress=None if task.lines is None else lines_about(checkpoint.stem, task.lines),
     )
 
 

@@ -38,6 +38,7 @@ from sma_bayes.runs.output_folder import claimed_folder
 from sma_bayes.runs.schema import CorrelationAverage
 from sma_bayes.runs.store import write_file, write_text
 from sma_bayes.runs.stored_draws import draws_of
+from sma_bayes.studies.fit.chains import remove_chains
 from sma_bayes.studies.fit.fitted import Fits, by_record, shown_progress
 from sma_bayes.studies.fit.parts import remove_parts
 from sma_bayes.studies.fit.self_check import check_self_check, checked, replicates_asked
@@ -248,6 +249,7 @@ def fit_campaign(
         summary = summary.but(data_dir=campaign.data_dir)
     stated = work.end(folder, summary.as_json())
     remove_parts(folder)
+    remove_chains(folder, groups, {r.key: r.log_likelihood_evaluations for r in records})
     return stated
 
 

@@ -30,7 +30,6 @@ def finished(tmp_path_factory: pytest.TempPathFactory) -> Path:
     few = replace(twin, records=tuple(r for r in twin.records if r.condition.id == CONDITION))
     folder = tmp_path_factory.mktemp("finished") / "run"
     fit_campaign(few, folder, jobs=1, figures=False)
-    shutil.rmtree(folder / "checkpoints")
     return folder
 
 
