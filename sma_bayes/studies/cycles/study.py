@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -211,16 +212,22 @@ def _own_draws(strand: Strand, size: int) -> tuple[Floats, Floats | None]:
 def _temperatures(pooled: Pooled, place: int) -> Iterator[CycleSeries]:
     """Start and finish: crossings of tangents of the common curve go where shift and width take them."""
     strand = pooled.strands[place]
-    found, unit = strand.tangents(), strand.record.units["temperature"]
-    for name, crossing in zip(NAMES[strand.record.branch], (found.lower, found.upper), strict=True):
-        away = float(crossing[0]) - strand.middle
+    unit = strand.record.units["temperature"]
+    alone, errors = _own_draws(strand, OWN_DRAWS)
+    drawn = pooled.numbers_beside_errors(place)
+    for name, crossing, by in zip(NAMES[strand.record.branch], *strand.crossings(), strict=True):
+        place_in = partial(_crossing, strand, float(crossing), by)
+        sd = np.std(place_in(alone, errors), axis=0)
+        own, pooled_draws = place_in(strand.numbers, None), place_in(drawn, pooled.errors[place])
+        yield _series(pooled, place, name, unit, None, own, sd, pooled_draws)
 
-        def moved(numbers: Floats, away: float = away) -> Floats:
-            return np.asarray(strand.middle + numbers[..., 2] + away * np.exp(numbers[..., 3]))
 
-        sd = np.std(moved(_own_draws(strand, OWN_DRAWS)[0]), axis=0)
-        drawn = moved(pooled.numbers_beside_errors(place))
-        yield _series(pooled, place, name, unit, None, moved(strand.numbers), sd, drawn)
+def _crossing(strand: Strand, crossing: float, by: Floats, numbers: Floats, errors: Floats | None) -> Floats:
+    """A crossing of tangents in sweeps with some numbers, errors (S, m + r) of the shape of the curve included."""
+    away: float | Floats = crossing - strand.middle
+    if errors is not None and by.size:
+        away = away + (errors[:, -by.size :] @ by)[:, None]
+    return np.asarray(strand.middle + numbers[..., 2] + away * np.exp(numbers[..., 3]))
 
 
 def _value(pooled: Pooled, place: int, temperature: float) -> CycleSeries:

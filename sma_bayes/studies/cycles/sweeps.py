@@ -20,7 +20,7 @@ model with random effects.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Final
 
 import numpy as np
@@ -28,7 +28,7 @@ from scipy import optimize
 from scipy.signal import lfilter
 
 from sma_bayes.arrays import Bools, Floats, Ints
-from sma_bayes.assess.transformation import Tangents, tangents
+from sma_bayes.assess.transformation import tangents
 from sma_bayes.errors import MeasurementError
 from sma_bayes.fitting.discrepancy import (
     DiscrepancyBasis,
@@ -66,6 +66,8 @@ FINE: Final = 1000
 """Temperatures at which the curve is looked at, to spread these functions over it."""
 LEAST_NOISE: Final = 1e-4
 """Least noise that is reckoned with [spans]."""
+LEAST_SHAPE: Final = 1e-6
+"""Share of what parameters do to the curve (squares) and four numbers can't, below which it is rounding."""
 GREATEST_MEMORY: Final = 0.9
 MOST_SAMPLES: Final = 200
 """Samples of a sweep from which what least squares takes of the noise is told."""
@@ -104,8 +106,11 @@ class Strand:
         Of what the response model misses of all sweeps alike [unit of the channel], against temperature on the curve.
     weights : WeightsGivenResiduals, optional
         Of its functions.
-    responses : ndarray, shape (n, 4, k), optional
-        By how much the numbers of each sweep change with each of these weights.
+    shape : ndarray, shape (free, r)
+        Errors of the free parameters that change the shape of the curve, as no four numbers do: each column is one of
+        one standard deviation, independent of the others.
+    responses : ndarray, shape (n, 4, m + r), optional
+        By how much the numbers of each sweep change with each error of the curve, see `errors`.
     """
 
     record: Record
@@ -125,6 +130,7 @@ class Strand:
     converged: bool = False
     missed: DiscrepancyBasis | None = None
     weights: WeightsGivenResiduals | None = None
+    shape: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     responses: Floats | None = None
 
     @property
@@ -163,23 +169,43 @@ class Strand:
     def common(self, temperature: Floats, errors: Floats | None = None) -> Floats:
         """The common curve; with its errors in each of S draws where they are given."""
         curve = self.smooth(temperature)
-        if self.missed is None or self.weights is None:
-            return curve
-        inside = np.clip(temperature, self.missed.temperature[0], self.missed.temperature[-1])
-        functions = self.missed.at(inside)
-        curve = curve + functions @ self.weights.expected
+        if self.missed is not None and self.weights is not None:
+            curve = curve + self._missed_at(temperature) @ self.weights.expected
         if errors is None:
             return np.asarray(curve)
-        return np.asarray(curve + np.einsum("s...m,sm->s...", functions, errors))
+        return np.asarray(curve + np.einsum("s...m,sm->s...", self.error_functions(temperature), errors))
 
     def errors(self, size: int, rng: np.random.Generator) -> Floats | None:
-        """Errors of the common curve in S draws, as weights of the functions that it misses; None where it has none."""
-        return None if self.weights is None else self.weights.draw(size, rng) - self.weights.expected
+        """Errors of the common curve in S draws: weights of `error_functions`, (S, m + r); None where it has none."""
+        found = [] if self.weights is None else [self.weights.draw(size, rng) - self.weights.expected]
+        if self.shape.shape[1]:
+            found.append(rng.standard_normal((size, self.shape.shape[1])))
+        return np.concatenate(found, axis=1) if found else None
+
+    def error_functions(self, temperature: Floats) -> Floats:
+        """What each error adds to the common curve, shape (..., m + r): of what the model misses, then of its shape."""
+        found = [] if self.weights is None else [self._missed_at(temperature)]
+        if self.shape.shape[1]:
+            found.append(self.tangents_in_parameters(temperature) @ self.shape)
+        return np.concatenate(found, axis=-1)
+
+    def _missed_at(self, temperature: Floats) -> Floats:
+        assert self.missed is not None
+        return self.missed.at(np.clip(temperature, self.missed.temperature[0], self.missed.temperature[-1]))
+
+    def tangents_in_parameters(self, temperature: Floats) -> Floats:
+        """Derivatives of the curve of the response model with respect to its free parameters, shape (..., free)."""
+        with np.errstate(all="ignore"):
+            slopes = self.model.jacobian(self.theta, {"temperature": temperature.ravel()})[self.channel]
+        return np.asarray(np.nan_to_num(slopes[:, self.free]).reshape(*temperature.shape, self.free.size))
 
     def smooth(self, temperature: Floats) -> Floats:
         """That of the response model alone."""
+        return self._of(self.theta, temperature)
+
+    def _of(self, theta: Floats, temperature: Floats) -> Floats:
         with np.errstate(all="ignore"):
-            out = self.model.predict(self.theta, {"temperature": temperature.ravel()})[self.channel]
+            out = self.model.predict(theta, {"temperature": temperature.ravel()})[self.channel]
         return np.asarray(out).reshape(temperature.shape)
 
     def curve(self, numbers: Floats, temperature: Floats, errors: Floats | None = None) -> Floats:
@@ -196,9 +222,30 @@ class Strand:
         up, down = (self.curve(numbers, temperature + by, errors) for by in (STEP, -STEP))
         return (up - down) / (2.0 * STEP)
 
-    def tangents(self) -> Tangents:
-        """What the tangent rule gives for the response model; it moves with shift and width as the curve does."""
-        return tangents(lambda t: self.smooth(np.atleast_2d(t)), *self.ends)
+    def tangents_in_numbers(self, temperature: Floats) -> Floats:
+        """What the four numbers do to the curve of the response model, (n, 4)."""
+        rise = self.smooth(temperature) - self.level
+        slope = (self.smooth(temperature + STEP) - self.smooth(temperature - STEP)) / (2.0 * STEP)
+        level = np.full(temperature.size, self.span)
+        return np.column_stack([level, rise, slope, slope * (temperature - self.middle)])
+
+    def crossings(self) -> tuple[Floats, Floats]:
+        """Crossings of tangents of the response model, (2,), and by how much errors of its shape move them, (2, r).
+
+        They move with shift and width as the curve does.
+        """
+        by = np.zeros((self.theta.size, self.shape.shape[1]))
+        by[self.free] = self.shape
+        thetas = np.vstack([self.theta, self.theta + by.T, self.theta - by.T])
+
+        def curves(t: Floats) -> Floats:
+            rows = np.broadcast_to(t, (len(thetas), t.shape[-1]))
+            return np.array([self._of(theta, row) for theta, row in zip(thetas, rows, strict=True)])
+
+        found = tangents(curves, *self.ends)
+        both = np.array([found.lower, found.upper])
+        r = by.shape[1]
+        return both[:, 0], 0.5 * (both[:, 1 : 1 + r] - both[:, 1 + r :])
 
     def part(self, kept: Bools) -> tuple[Record, Floats]:
         """Record and cycles of some of the sweeps."""
@@ -341,15 +388,15 @@ def _onto_curve(strand: Strand) -> tuple[Floats, Floats, Floats]:
 
 
 def _missed_basis(strand: Strand) -> DiscrepancyBasis | None:
-    """Basis of a discrepancy of the common curve that can't take the place of the four numbers."""
+    """Basis of a discrepancy of the common curve that can't take the place of the numbers, nor of its parameters."""
     at = _onto_curve(strand)[0]
     fine = np.linspace(at.min(), at.max(), FINE)
     nodes = nodes_of(at.min(), at.max(), fine, strand.smooth(fine))
 
+    shape = _shape_directions(strand, at)
+
     def tangents(t: Floats) -> Floats:
-        slope = (strand.smooth(t + STEP) - strand.smooth(t - STEP)) / (2.0 * STEP)
-        rise = strand.smooth(t) - strand.level
-        return np.column_stack([np.full(t.size, strand.span), rise, slope, slope * (t - strand.middle)])
+        return np.column_stack([strand.tangents_in_numbers(t), strand.tangents_in_parameters(t) @ shape])
 
     basis = build_basis(at, nodes, strand.smooth(nodes), tangents(at), tangents(nodes))
     return None if basis is None else basis.smoother(SMOOTHER)
@@ -360,12 +407,18 @@ def _weights(strand: Strand, noise: float) -> WeightsGivenResiduals:
     assert strand.missed is not None
     at, there, grows = _onto_curve(strand)
     design = strand.missed.at(at) / grows[:, None]
-    rows = _rows(strand, strand.numbers)
-    for own in np.split(np.arange(len(design)), strand.starts[1:]):
-        q = np.linalg.qr(rows[own] / np.linalg.norm(rows[own], axis=0))[0]
-        design[own] -= q @ (q.T @ design[own])
+    design = _beside_numbers(strand, _rows(strand, strand.numbers), design)
     left = (there - strand.smooth(at)) / grows
     return weights_given_residuals(design.T / noise, left / noise, strand.span)
+
+
+def _beside_numbers(strand: Strand, rows: Floats, design: Floats) -> Floats:
+    """Columns for all samples, less what the numbers of each sweep account for of them."""
+    out = np.empty_like(design)
+    for own in np.split(np.arange(len(design)), strand.starts[1:]):
+        q = np.linalg.qr(rows[own] / np.linalg.norm(rows[own], axis=0))[0]
+        out[own] = design[own] - q @ (q.T @ design[own])
+    return out
 
 
 def _start(record: Record, model: ResponseModel, seed: int) -> tuple[Floats, Ints]:
@@ -399,8 +452,7 @@ def _centred(strand: Strand) -> Strand:
 
 
 def _with_curve(strand: Strand) -> Strand:
-    """The curve fitted anew to all sweeps, each moved onto it, with the mean of their numbers in it."""
-    strand = replace(strand, numbers=strand.numbers - strand.numbers.mean(axis=0))
+    """The curve fitted anew to all sweeps, each moved onto it."""
     at, there, _ = _onto_curve(strand)
     moved = replace(
         strand.record, inputs={**strand.record.inputs, "temperature": at}, observed={strand.channel: there}
@@ -496,17 +548,43 @@ def _with_sds(strand: Strand) -> Strand:
         inverse = np.linalg.inv(normal)
         sds[i] = np.sqrt(np.diag(inverse @ middle @ inverse))
     strand = replace(strand, sds=sds, noise=noise, lag1_correlation=memory)
-    if strand.missed is None:
-        return strand
-    weights = _weights(strand, noise * np.sqrt((1.0 + memory) / (1.0 - memory)))
-    return replace(strand, weights=weights, responses=_responses(strand, rows, noise))
+    correlated = noise * np.sqrt((1.0 + memory) / (1.0 - memory))
+    if strand.missed is not None:
+        strand = replace(strand, weights=_weights(strand, correlated))
+    strand = replace(strand, shape=_shape(strand, rows, correlated))
+    return replace(strand, responses=_responses(strand, rows, noise))
 
 
-def _responses(strand: Strand, rows: Floats, noise: float) -> Floats:
-    """By how much the numbers of each sweep change with the weights of what the common curve misses, (n, 4, k)."""
-    assert strand.missed is not None
+def _shape(strand: Strand, rows: Floats, noise: float) -> Floats:
+    """Errors of the parameters that change the shape of the curve, beside the numbers of each sweep, see `Strand`."""
     at, _, grows = _onto_curve(strand)
-    functions = strand.missed.at(at) / grows[:, None]
+    directions = _shape_directions(strand, at)
+    left = _beside_numbers(strand, rows, strand.tangents_in_parameters(at) @ directions / grows[:, None])
+    information, axes = np.linalg.eigh(left.T @ left / noise**2)
+    return np.asarray(directions @ axes / np.sqrt(information))
+
+
+def _shape_directions(strand: Strand, at: Floats) -> Floats:
+    """Directions of the free parameters in which they do what four numbers can't, (free, r)."""
+    design, numbers = strand.tangents_in_parameters(at), strand.tangents_in_numbers(at)
+    size = np.linalg.norm(design, axis=0)
+    usable = size > 0.0
+    scale = 1.0 / size[usable]
+    q = np.linalg.qr(numbers / np.linalg.norm(numbers, axis=0))[0]
+    alone = design[:, usable] * scale
+    alone = alone - q @ (q.T @ alone)
+    power, axes = np.linalg.eigh(alone.T @ alone)
+    directions = np.zeros((strand.free.size, int(np.sum(power > LEAST_SHAPE))))
+    directions[usable] = scale[:, None] * axes[:, power > LEAST_SHAPE]
+    return directions
+
+
+def _responses(strand: Strand, rows: Floats, noise: float) -> Floats | None:
+    """By how much the numbers of each sweep change with the errors of the common curve, (n, 4, m + r)."""
+    if strand.weights is None and not strand.shape.shape[1]:
+        return None
+    at, _, grows = _onto_curve(strand)
+    functions = strand.error_functions(at) / grows[:, None]
     hold = noise**2 * np.diag(PRIOR_SD**-2)
     sweeps = zip(np.split(rows, strand.starts[1:]), np.split(functions, strand.starts[1:]), strict=True)
     return np.array([-np.linalg.solve(own.T @ own + hold, own.T @ there) for own, there in sweeps])

@@ -94,6 +94,38 @@ def test_standard_deviations_allow_for_the_memory_of_what_is_left(
     assert square == pytest.approx(1.0, abs=0.7)
 
 
+@pytest.mark.parametrize(
+    ("model", "shapes"), [("modified_sigmoid", 0), ("sinh_arcsinh", 2), ("phase_slopes", 2)]
+)
+def test_errors_of_the_curve_are_what_numbers_of_the_sweeps_can_not_follow(
+    truth: Any, measured: Callable[..., list[Record]], model: str, shapes: int
+) -> None:
+    """Parameters beyond offset, amplitude, rate and midpoint change the shape; numbers follow by least squares.
+
+    What an error leaves of a sweep once its numbers have followed is orthogonal to what each of these does to it.
+    """
+    record = measured(truth, np.random.default_rng(4))[0]
+    found = strand(record, model=model)
+    assert found.shape.shape == (found.free.size, shapes)
+    assert found.weights is not None
+    assert found.responses is not None
+    assert found.responses.shape == (12, 4, len(found.weights.axes) + shapes)
+    one = found.errors(1, np.random.default_rng(0))
+    assert one is not None
+    size, moved = 1e-3, found.responses @ one[0]
+    for i, own in enumerate(np.split(np.arange(record.n), found.starts[1:])):
+        t = record.temperature[own]
+
+        def curve(by: np.ndarray, error: float, i: int = i, t: np.ndarray = t) -> np.ndarray:
+            return found.curve((found.numbers[i] + by)[None], t, error * one)[0]
+
+        left = (curve(size * moved[i], size) - curve(-size * moved[i], -size)) / (2.0 * size)
+        alone = (curve(np.zeros(4), size) - curve(np.zeros(4), -size)) / (2.0 * size)
+        for number in 1e-4 * np.eye(4):
+            does = curve(number, 0.0) - curve(-number, 0.0)
+            assert abs(left @ does) < 0.01 * np.linalg.norm(alone) * np.linalg.norm(does)
+
+
 def test_short_and_double_sweeps_are_left_out_and_named(
     truth: Any, measured: Callable[..., list[Record]]
 ) -> None:
