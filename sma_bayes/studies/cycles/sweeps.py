@@ -169,11 +169,13 @@ class Strand:
     def common(self, temperature: Floats, errors: Floats | None = None) -> Floats:
         """The common curve; with its errors in each of S draws where they are given."""
         curve = self.smooth(temperature)
-        if self.missed is not None and self.weights is not None:
-            curve = curve + self._missed_at(temperature) @ self.weights.expected
-        if errors is None:
-            return np.asarray(curve)
-        return np.asarray(curve + np.einsum("s...m,sm->s...", self.error_functions(temperature), errors))
+        expected = np.zeros(0) if self.weights is None else self.weights.expected
+        if errors is not None:
+            drawn = errors + np.concatenate([expected, np.zeros(errors.shape[1] - expected.size)])
+            curve = curve + np.einsum("s...m,sm->s...", self.error_functions(temperature), drawn)
+        elif expected.size:
+            curve = curve + self._missed_at(temperature) @ expected
+        return np.asarray(curve)
 
     def errors(self, size: int, rng: np.random.Generator) -> Floats | None:
         """Errors of the common curve in S draws: weights of `error_functions`, (S, m + r); None where it has none."""
