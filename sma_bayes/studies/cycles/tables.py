@@ -160,6 +160,7 @@ def _curves(conditions: tuple[ConditionCycles, ...], temperature_unit: str) -> T
         for c in conditions for k in c.curves
     )  # fmt: skip
     note = (
-        "Left: root mean square of what curve and numbers of the sweeps leave, over the range of the channel."
+        "Midpoint, level and span are those of the mean of the measured sweeps. Misfit: root mean square of what curve "
+        "and numbers of the sweeps leave, over the range of the channel."
     )
     return Table("curves", "Common curves", note, columns, rows, 1)

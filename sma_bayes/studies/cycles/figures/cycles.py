@@ -31,6 +31,8 @@ from sma_bayes.studies.cycles.schema import ConditionCycles, QuantityByCycle, St
 
 NUMBERS: Final = ("offset", "stroke", "shift", "width")
 FORECAST: Final = "#eef1f4"
+ACROSS: Final = 4
+"""Panels side by side, at most."""
 
 
 def curves_figure(stored: StoredCycles, number: int) -> Drawing:
@@ -120,9 +122,7 @@ def values_figure(stored: StoredCycles, number: int) -> Drawing:
     """
     one, unit = stored.found.conditions[number - 1], stored.found.temperature_unit
     rest = [q for q in one.quantities if q.name not in NUMBERS and any(v is not None for v in q.median)]
-    keys = list(dict.fromkeys((q.name, q.at) for q in rest))
-    groups = [[q for q in rest if (q.name, q.at) == key] for key in keys]
-    rows = [groups[i : i + 4] for i in range(0, len(groups), 4)]
+    rows = _rows_of_values(rest)
     untold = sum(q.name not in NUMBERS for q in one.quantities) > len(rest)
     caption = (
         f"Transformation temperatures of {one.condition}, and channels and stiffness at the temperatures that were "
@@ -132,6 +132,21 @@ def values_figure(stored: StoredCycles, number: int) -> Drawing:
     return _against_cycle(
         one, rows, numbered("values", number), f"{one.condition}: values by cycle", caption, unit
     )
+
+
+def _rows_of_values(values: Sequence[QuantityByCycle]) -> list[list[list[QuantityByCycle]]]:
+    """Panels in rows: start and finish, then a row for each temperature where more than one thing is told."""
+    panel: dict[tuple[str, float | None], list[QuantityByCycle]] = {}
+    for q in values:
+        panel.setdefault((q.name, q.at), []).append(q)
+    at = list(dict.fromkeys(where for _, where in panel))
+    rows = [[own for (_, there), own in panel.items() if there == where] for where in at]
+    if all(len(row) == 1 for where, row in zip(at, rows, strict=True) if where is not None):
+        rows = [
+            [own for (_, where), own in panel.items() if (where is None) is temperatures]
+            for temperatures in (True, False)
+        ]
+    return [row[i : i + ACROSS] for row in rows for i in range(0, len(row), ACROSS)]
 
 
 def _against_cycle(
