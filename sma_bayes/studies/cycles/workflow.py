@@ -14,9 +14,9 @@ from threadpoolctl import threadpool_limits
 
 from sma_bayes.account import Account
 from sma_bayes.arrays import Floats
-from sma_bayes.errors import MeasurementError, SmaBayesError
+from sma_bayes.errors import MeasurementError, SmaBayesError, many
 from sma_bayes.fitting.curves import INTERVAL, as_interval, interval
-from sma_bayes.progress import Progress, silent
+from sma_bayes.progress import Progress, announce, silent
 from sma_bayes.quantities import unit_text
 from sma_bayes.records.types import Campaign, Record
 from sma_bayes.report.choice import REPORT, figures_for
@@ -27,6 +27,7 @@ from sma_bayes.runs.jobs import run
 from sma_bayes.runs.schema import IntervalDocument, interval_document
 from sma_bayes.runs.store import or_nan, write_csv
 from sma_bayes.studies.ask.workflow import asked_temperature
+from sma_bayes.studies.cycles.expected import expected_s
 from sma_bayes.studies.cycles.laws import EARNED, FORMS, NONE, PACES
 from sma_bayes.studies.cycles.mean_sweep import mean_sweep
 from sma_bayes.studies.cycles.schema import (
@@ -137,6 +138,8 @@ def cycles(
     study = partial(_studied, asked=asked, options=stated, seed=seed)
 
     def find(folder: Path | None) -> CyclesFindings:
+        size = [(len(own), _reach(own, ahead)) for own, _ in groups]
+        announce(work.tell, expected_s(size, jobs), f"{many(len(groups), 'condition')}, pooling cycles")
         found = []
         for parts in run(study, groups, jobs, account=work.account, stage="study"):
             found.append(parts.document)
@@ -194,7 +197,7 @@ def _groups(campaign: Campaign, ahead: int) -> tuple[list[tuple[list[Sweeps], li
         if not own:
             left_out.append(f"{name}: sweeps of {most} cycle{'' if most == 1 else 's'}")
             continue
-        reach = max(c.max() for _, _, c in own) - min(c.min() for _, _, c in own) + 1 + ahead
+        reach = _reach(own, ahead)
         if reach > MOST_CYCLES:
             raise MeasurementError(
                 f"{name} goes over {reach:.0f} cycles, those that are forecast included",
@@ -210,6 +213,11 @@ def _groups(campaign: Campaign, ahead: int) -> tuple[list[tuple[list[Sweeps], li
             remedy="record more cycles; `sma-bayes inspect` tells which sweeps were found",
         )
     return found, left_out
+
+
+def _reach(own: Sequence[Sweeps], ahead: int) -> float:
+    """Cycles that a condition goes over, those that are forecast included."""
+    return float(max(c.max() for _, _, c in own) - min(c.min() for _, _, c in own) + 1 + ahead)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
