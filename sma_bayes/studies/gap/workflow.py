@@ -11,10 +11,10 @@ from threadpoolctl import threadpool_limits
 
 from sma_bayes.account import Account
 from sma_bayes.effects import EFFECTS
-from sma_bayes.errors import SmaBayesError
+from sma_bayes.errors import SmaBayesError, many
 from sma_bayes.fitting.fit_records import AUTO
 from sma_bayes.parameters.priors_file import PriorSet
-from sma_bayes.progress import Progress, silent
+from sma_bayes.progress import Progress, announce, silent
 from sma_bayes.records.types import Campaign
 from sma_bayes.report.choice import REPORT, Drawn, figures_for
 from sma_bayes.response import DEFAULT_MODEL, RESPONSE_MODELS
@@ -25,6 +25,7 @@ from sma_bayes.runs.store import write_text
 from sma_bayes.studies.gap.cautions import cautions
 from sma_bayes.studies.gap.check import Comparable, comparable, smoothing_remarks
 from sma_bayes.studies.gap.document import gap_of_model, heat_balance
+from sma_bayes.studies.gap.expected import expected_s
 from sma_bayes.studies.gap.outcome import STAGES, gap_outcome
 from sma_bayes.studies.gap.schema import GapFindings
 from sma_bayes.studies.gap.shown import part_in_declared_units
@@ -108,8 +109,10 @@ def _studied(
 ) -> GapFindings:
     """Study a campaign, and write what was found except `gap.json`, which comes last."""
     campaign = can.campaign
-    work.tell(0, STAGES, "choosing the model")
     groups = groups_of(campaign, options.pool)
+    what = f"{many(len(campaign.records), 'record')}, looking for {many(len(EFFECTS), 'effect')}"
+    announce(work.tell, expected_s(groups, options, work.jobs), what)
+    work.tell(0, STAGES, "choosing the model")
     chosen, choice = with_shared_model(groups, options, work.jobs, work.account)
     with threadpool_limits(limits=1):
         outcome = gap_outcome(
