@@ -117,6 +117,11 @@ def _bias_spring(state: State, size: float, traits: Traits) -> State:
     return replace(state, force=state.force + size * (state.displacement + traits["preload"]))
 
 
+def _dead_load(state: State, size: float, traits: Traits) -> State:
+    """The load cell bears what hangs on the spring, or a share of it."""
+    return replace(state, force=state.force + size * state.course.setting.load)
+
+
 def _detent(state: State, size: float, traits: Traits) -> State:
     """A notch in the guide: force needed to pass one place."""
     spring = state.course.spring
@@ -241,6 +246,7 @@ RIG = (
     Mechanism(
         "bias_spring", Stage.MECHANICS, _bias_spring, "N/m", 1.0, 150.0, lambda rng: {"preload": 5e-3}
     ),
+    Mechanism("dead_load", Stage.MECHANICS, _dead_load, "1", 0.01, 3.0),
     Mechanism(
         "detent", Stage.MECHANICS, _detent, "N", 1e-3, 1.0, lambda rng: {"place": rng.uniform(0.3, 0.7)}
     ),

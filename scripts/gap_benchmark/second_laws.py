@@ -227,6 +227,16 @@ def _bias_spring(state: State, size: float, traits: Traits) -> State:
     return replace(state, force=state.force + size * stretched * (1.0 + traits["progression"] * stretched))
 
 
+def _dead_load(state: State, size: float, traits: Traits) -> State:
+    """The weight hangs on a lever, whose arm shortens as it tilts with the stroke and whose bearing rubs under load."""
+    c = state.course
+    low, span = (getattr(c.spring.curves["displacement", "heating"], k) for k in ("low", "span"))
+    arm = np.cos(traits["tilt"] * (state.displacement - low) / span)
+    speed = np.gradient(state.displacement, c.time)
+    rubbing = traits["friction"] * np.tanh(speed / (0.01 * float(np.max(np.abs(speed)))))
+    return replace(state, force=state.force + size * c.setting.load * (arm + rubbing))
+
+
 # --- instruments --------------------------------------------------------------------------------------
 
 
@@ -355,6 +365,10 @@ SECOND = (
     Mechanism(
         "bias_spring", Stage.MECHANICS, _bias_spring, "N/m", 1.0, 150.0,
         lambda rng: {"preload": 5e-3, "progression": rng.uniform(3.0, 10.0)},
+    ),
+    Mechanism(
+        "dead_load", Stage.MECHANICS, _dead_load, "1", 0.01, 3.0,
+        lambda rng: {"tilt": rng.uniform(0.1, 0.3), "friction": rng.uniform(0.01, 0.03)},
     ),
     Mechanism(
         "thermocouple_lag", Stage.INSTRUMENT, _thermocouple_lag, "s", 0.05, 5.0,

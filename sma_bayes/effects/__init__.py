@@ -10,6 +10,7 @@ from sma_bayes.effects.clock_skew import ClockSkew
 from sma_bayes.effects.contact_error import ContactError
 from sma_bayes.effects.convective_loss import ConvectiveLoss
 from sma_bayes.effects.cycle_offset import CycleOffset
+from sma_bayes.effects.dead_load import DeadLoad
 from sma_bayes.effects.drive_ripple import DriveRipple
 from sma_bayes.effects.fixture_compliance import FixtureCompliance
 from sma_bayes.effects.guide_friction import GuideFriction
@@ -43,6 +44,7 @@ _SHIPPED: tuple[Effect, ...] = (
     StressShift(),
     BranchStressShift(),
     StressStroke(),
+    DeadLoad(),
     PathStressShift(),
     RateDependence(),
     TemperatureGradient(),

@@ -44,7 +44,8 @@ class History:
         ``order``: place in the history, from 0. Where they were recorded: ``time`` [s], ``rate``: dT/dt [K/s],
         ``typical_rate``: median of its magnitude over the campaign [K/s], ``current`` [A], ``ambient_temperature``
         [degC], `DELIVERED` [A^2 s], ``resistance`` and ``typical_resistance``, its median over the campaign [ohm];
-        where they were set: ``load`` [N, or Pa of a specimen], ``frequency`` [Hz], ``duty_cycle``.
+        where they were set: ``load`` and ``typical_load``, its median over the campaign [N, or Pa of a specimen],
+        ``frequency`` [Hz], ``duty_cycle``.
     observed : mapping of str to ndarray, shape (n,)
         Channels among force, displacement, stiffness; temperature too where current and time were recorded, since it
         then is an outcome as well.
@@ -131,10 +132,9 @@ def histories(campaign: Campaign) -> tuple[History, ...]:
     shared = {"last_cycle": max(float(h.inputs["cycle"].max()) for h in found)}
     if typical > 0.0:
         shared["typical_rate"] = typical
-    if all("resistance" in h.inputs for h in found):
-        shared["typical_resistance"] = float(
-            np.median(np.concatenate([h.inputs["resistance"] for h in found]))
-        )
+    for name in ("resistance", "load"):
+        if all(name in h.inputs for h in found):
+            shared[f"typical_{name}"] = float(np.median(np.concatenate([h.inputs[name] for h in found])))
     out, cycles = [], 0
     for run, h in enumerate(found):
         distinct, rank = np.unique(h.inputs["cycle"], return_inverse=True)

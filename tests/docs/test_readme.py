@@ -2,11 +2,20 @@
 
 from __future__ import annotations
 
+import json
 import re
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
+import numpy as np
 import pytest
+
+from sma_bayes import study_gap
+from sma_bayes.effects import EFFECTS
+from sma_bayes.records.campaign import read_campaign
+from sma_bayes.simulated.campaign import course_of, measurement_files
+from sma_bayes.simulated.rig import Setup
 
 ROOT = Path(__file__).resolve().parents[2]
 
@@ -44,6 +53,44 @@ def test_the_python_of_the_readme_runs_and_says_what_it_promises(bench, python):
         assert unit == "degC"
         assert float(low) < float(median) < float(high)
         assert float(median) == pytest.approx(8.0, abs=0.2)  # the midpoints were put 8 degrees apart
+
+
+@pytest.fixture(scope="module")
+def gap_of_the_demo(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Any]:
+    """`sma-bayes gap bench --out gap --pool campaign` on the measurements of `sma-bayes demo`."""
+    folder = tmp_path_factory.mktemp("demo")
+    (folder / "bench").mkdir()
+    for name, text in measurement_files(seed=0).items():
+        (folder / "bench" / name).write_text(text, encoding="utf-8", newline="\n")
+    study_gap(read_campaign(folder / "bench"), folder / "gap", pool="campaign", jobs=1, figures=False)
+    found: dict[str, Any] = json.loads((folder / "gap" / "gap.json").read_text(encoding="utf-8"))
+    return found
+
+
+def test_gap_says_of_the_demo_that_the_force_contains_the_load(gap_of_the_demo: dict[str, Any]) -> None:
+    """Its rig bears the weight that preloads the spring: all of it cold, with a part of the stroke that it adds hot."""
+    found = gap_of_the_demo
+    assert found["verdict"] == "named"
+    assert [e["id"] for e in found["effects"]] == [found["rounds"][0]["added"]] == ["dead_load"]
+    share = found["effects"][0]["parameters"]["share"]
+    light, heavy = (course_of(load).setup for load in ("100g", "200g"))
+
+    def force(setup: Setup, martensite: float) -> float:
+        return float(setup.force(setup.displacement(np.array(martensite))))
+
+    cold, hot = ((force(heavy, m) - force(light, m)) / (heavy.preload - light.preload) for m in (1.0, 0.0))
+    assert cold == pytest.approx(1.0)
+    assert cold < share["q05"] < share["q95"] < hot
+
+
+def test_what_gap_leaves_of_the_demo_is_said(gap_of_the_demo: dict[str, Any]) -> None:
+    assert any("200g force hardly changes from sample to sample" in c for c in gap_of_the_demo["cautions"])
+
+
+def test_the_number_of_effects_in_the_readme_is_that_of_the_catalogue() -> None:
+    (told,) = re.findall(r"tries (\d+) effects", (ROOT / "README.md").read_text(encoding="utf-8"))
+    shipped = [e for e in EFFECTS.values() if type(e).__module__.startswith("sma_bayes.")]
+    assert int(told) == len(shipped)
 
 
 def test_the_readme_is_about_ten_lines_of_python():

@@ -23,7 +23,7 @@ from .conftest import THETA, response_at
 
 IDS = (
     "thermocouple_lag", "contact_error", "stress_shift", "branch_stress_shift", "stress_stroke",
-    "path_stress_shift", "rate_dependence",
+    "dead_load", "path_stress_shift", "rate_dependence",
     "temperature_gradient", "asymmetric_kinetics", "r_phase", "training_drift", "training", "amplitude_fatigue",
     "hot_creep", "guide_friction", "sensor_drift", "load_cell_thermal_drift", "thermal_expansion", "fixture_compliance",
     "bias_spring", "saturation", "quantisation", "drive_ripple", "minor_loop", "clock_skew", "latent_heat",

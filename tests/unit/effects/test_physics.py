@@ -193,6 +193,18 @@ def test_a_load_stretches_the_cold_end_and_leaves_the_hot_one() -> None:
         np.testing.assert_allclose(out["stiffness"][1], plain["stiffness"][1] / grown)
 
 
+@pytest.mark.parametrize(("load", "share", "more"), [(1.5, 1.0, 0.5), (0.5, 1.0, -0.5), (1.5, -0.4, -0.2)])
+def test_a_load_that_the_cell_carries_is_in_the_force_and_in_nothing_else(
+    load: float, share: float, more: float
+) -> None:
+    """Whatever hangs there at rest pulls as much hot as cold, so that force alone moves, and dF/dX is as before."""
+    hung = {"load": np.full(RAMP.size, load), "typical_load": np.full(RAMP.size, 1.0)}
+    out = applied("dead_load", [share], inputs_of(RAMP, **hung))
+    np.testing.assert_allclose(out["force"], PLAIN["force"] + more)
+    for channel in ("displacement", "stiffness"):
+        np.testing.assert_array_equal(out[channel], PLAIN[channel])
+
+
 def test_fatigue_leaves_the_cold_end() -> None:
     inputs = inputs_of(np.array([-100.0, 300.0]), cycle=np.full(2, 51.0))
     out = applied("amplitude_fatigue", [0.002], inputs)

@@ -165,6 +165,7 @@ def test_labels_in_arbitrary_units(measured: Sequence[History]) -> None:
         "path_stress_shift": times(lambda s: s.level["force"]),
         "fixture_compliance": times(lambda s: 100.0 * s.span["force"] / stroke),
         "bias_spring": times(lambda s: stroke / s.span["force"]),
+        "dead_load": times(lambda s: s.level["load"] / s.level["force"]),
     }.items():
         (p,) = EFFECTS[name].parameters(scales)
         agrees(p.source, p.prior, scales, told)
@@ -201,6 +202,33 @@ def test_a_pull_that_is_logged_as_negative_acts_by_its_magnitude(
     )
     p = np.array([0.05, 0.5, 0.95])
     np.testing.assert_allclose(turned.quantile(p), -plain.quantile(p)[::-1], rtol=1e-9)
+
+
+def test_a_weight_is_borne_with_the_sign_of_the_force(measured: Sequence[History]) -> None:
+    """Pull logged as negative under loads that are not: a newton more that hangs is a newton less in the file."""
+    both, turned = measured, turned_round(measured)
+    force_only = with_force(measured, lambda f: -f)
+    p = np.array([0.05, 0.5, 0.95])
+    plain, same, opposite = (
+        EFFECTS["dead_load"].parameters(Scales.of(h))[0].prior.quantile(p) for h in (both, turned, force_only)
+    )
+    assert plain[0] < 1.0 < plain[2]
+    np.testing.assert_allclose(same, plain)
+    np.testing.assert_allclose(opposite, -plain[::-1], rtol=1e-9)
+
+
+def test_the_share_of_a_load_has_no_unit_where_both_are_forces_or_stresses(
+    measured: Sequence[History],
+) -> None:
+    units = [
+        EFFECTS["dead_load"].parameters(scales)[0].unit
+        for scales in (
+            Scales.of(measured),
+            in_other_units(measured, force="Pa", displacement="1"),
+            in_other_units(measured, force="1"),
+        )
+    ]
+    assert units == ["1", "1", "1/N"]
 
 
 def test_a_range_ends_at_the_farthest_force_of_either_sign(measured: Sequence[History]) -> None:

@@ -120,6 +120,13 @@ def test_each_condition_has_its_own_history_and_settings() -> None:
     assert "duty_cycle" not in a.inputs
 
 
+def test_the_typical_load_is_the_median_of_the_campaign() -> None:
+    runs = [record(Branch.HEATING, Condition(f"{load} N", load=load)) for load in (1.0, 1.5, 4.0)]
+    assert [float(h.inputs["typical_load"][0]) for h in joined(*runs)] == [1.5, 1.5, 1.5]
+    unknown = record(Branch.HEATING, Condition("unknown"))
+    assert all("typical_load" not in h.inputs for h in joined(unknown, *runs))
+
+
 def test_noise_of_the_temperature_is_smoothed_within_sweeps() -> None:
     """Two sweeps of a parabola in time, 100 samples each: a smooth curve has some 5 free values, so the error falls by
     sqrt(100/5), to 0.22 of the noise; the turning point stays sharp. Twice that is allowed."""
