@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
+from functools import cache
 from typing import Final
 
 import numpy as np
@@ -79,7 +80,7 @@ def even_design(
     setup: float,
     rate: float | None,
 ) -> list[tuple[CandidateExperiment, float]]:
-    """Whole loops, the hours divided evenly among conditions; cycles need not be whole.
+    """Whole loops, the hours divided evenly among conditions; part of a loop where there is no time for one.
 
     The rate is the measured one, or the fastest that is tried where none was; samples are as dense as any that is
     tried, so that what a design has over it is not only the sampling.
@@ -97,14 +98,14 @@ def even_design(
         samples = max(s.samples, round(dense * span))
         one = CandidateExperiment(s.condition, s.lowest, s.hottest, own, s.load, 1, samples, setup)
         cycles = max(hours / len(settings) - setup, 0.0) / one.cycle_hours
-        out.append((one, cycles))
+        out.append((one, float(np.floor(cycles * (1.0 + 1e-9))) if cycles >= 1.0 else cycles))
     return out
 
 
 def best_design(
     expectations: Expectations, candidates: Sequence[CandidateExperiment], hours: float
 ) -> list[tuple[CandidateExperiment, int]]:
-    """Cycles of candidates that fill the hours, at each step those that tell most per hour.
+    """Cycles of candidates that fill the hours: at each step those that tell most per hour; then cycles are exchanged.
 
     Parameters
     ----------
@@ -134,7 +135,7 @@ def best_design(
             if per_hour > most:
                 best, most, gained = (i, portion, setup), per_hour, after
         if best is None:
-            return [(settings[i], n) for i, n in cycles.items()]
+            return _exchanged(expectations, [(settings[i], n) for i, n in cycles.items()], left)
         i, portion, setup = best
         chosen = settings[i]
         for t in expectations.followed(chosen):
@@ -145,6 +146,48 @@ def best_design(
         cycles[i] = cycles.get(i, 0) + portion
         left -= setup + portion * chosen.cycle_hours
         fresh = {p: v for p, v in fresh.items() if not v[1].keys() & gained.keys()}
+
+
+def _exchanged(
+    expectations: Expectations, design: list[tuple[CandidateExperiment, int]], left: float
+) -> list[tuple[CandidateExperiment, int]]:
+    """A design with single cycles given from one setting to another, or into what is left of the hours, while it gains.
+
+    Portions are coarse: they leave three equal settings with 15, 12 and 12 cycles where 13 of each tell more.
+    """
+    cycles = [n for _, n in design]
+    hours = [c.cycle_hours for c, _ in design]
+    serving = {
+        t: [
+            (i, expectations.information(t, c))
+            for i, (c, _) in enumerate(design)
+            if t in expectations.followed(c)
+        ]
+        for t in expectations.targets
+    }
+
+    @cache
+    def told(target: PlanTarget, own: tuple[int, ...]) -> float:
+        served = zip(own, serving[target], strict=True)
+        return target.expected(np.sum([n * information for n, (_, information) in served], axis=0)).nats
+
+    def total(tried: Sequence[int]) -> float:
+        return sum(told(t, tuple(tried[i] for i, _ in by)) for t, by in serving.items() if by)
+
+    known = total(cycles)
+    while True:
+        best, most = None, known * (1.0 + 1e-9)
+        for given in (None, *(i for i, n in enumerate(cycles) if n > 1)):
+            freed = left if given is None else left + hours[given]
+            for taken in range(len(cycles)):
+                if taken == given or hours[taken] > freed * (1.0 + 1e-9):
+                    continue
+                tried = [n + (i == taken) - (i == given) for i, n in enumerate(cycles)]
+                if (nats := total(tried)) > most:
+                    best, most = (tried, freed - hours[taken]), nats
+        if best is None:
+            return [(c, n) for (c, _), n in zip(design, cycles, strict=True)]
+        cycles, left, known = *best, most
 
 
 def _portion(candidate: CandidateExperiment, left: float, hours: float) -> int:

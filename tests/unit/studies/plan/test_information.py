@@ -17,7 +17,7 @@ from sma_bayes.runs.outputs import read_run
 from sma_bayes.runs.stored_draws import draws_of
 from sma_bayes.studies.cycles.sweeps import USUAL_SCATTER
 from sma_bayes.studies.plan.candidates import CandidateExperiment, Setting, default_grid
-from sma_bayes.studies.plan.design import Expectations, best_design, nats_of
+from sma_bayes.studies.plan.design import Expectations, best_design, even_design, nats_of
 from sma_bayes.studies.plan.information import (
     Knowledge,
     PlannedSweep,
@@ -220,3 +220,26 @@ def test_a_design_fills_its_hours_and_beats_whole_loops(plain: RecordDraws) -> N
     # no single setting that fills the hours does better
     best = max(nats_of(expectations.of_design([(c, np.floor((8.0 - 0.1) / c.cycle_hours))])) for c in grid)
     assert advised >= 0.99 * best
+
+
+@pytest.mark.parametrize("hours", [12.0, 15.5, 19.0, 24.0])
+def test_no_single_cycle_is_better_spent_elsewhere(plain: RecordDraws, hours: float) -> None:
+    """Three springs alike: an even division in whole cycles is not better, nor is any exchange."""
+    targets, settings = [], []
+    for name in "abc":
+        record = replace(plain.record, condition=replace(plain.condition, id=name))
+        own = replace(plain, posterior=plain.posterior.on([record]))
+        targets.append(_stiffness(Knowledge.of(own, scatter_of(own, "none"), 0)))
+        settings.append(Setting.of([record]))
+    expectations = Expectations(tuple(targets))
+    grid = default_grid(settings, AT, 0.1, 0.02)
+    parts = best_design(expectations, grid, hours)
+    nats = nats_of(expectations.of_design(parts))
+    assert nats >= nats_of(expectations.of_design(even_design(settings, grid, hours, 0.1, 0.02)))
+    assert sum(c.setup + n * c.cycle_hours for c, n in parts) <= hours
+    left = hours - sum(c.setup + n * c.cycle_hours for c, n in parts)
+    for i, (given, n) in enumerate(parts):
+        for j, (taken, _) in enumerate(parts):
+            if i != j and n > 1 and taken.cycle_hours <= left + given.cycle_hours:
+                tried = [(c, m + (k == j) - (k == i)) for k, (c, m) in enumerate(parts)]
+                assert nats_of(expectations.of_design(tried)) <= nats * (1.0 + 1e-9)
