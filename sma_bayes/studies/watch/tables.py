@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Final
+
 from sma_bayes.report.content import Estimate, Number
 from sma_bayes.report.notation import unit_label
 from sma_bayes.report.tables import OF_ROW, Cell, Column, Table
@@ -28,7 +30,7 @@ def _numbers(found: WatchDocument) -> Table:
         (
             n.branch, n.channel, n.number, unit_label(n.unit) or "1",
             *(
-                _value(value, n.unit, _scatter(n))
+                _value(value, n.unit, scatter_of(n))
                 for value in (sum(n.value[:count]) / count, n.value[-1], n.normal_low[-1], n.normal_high[-1])
             ),
             Number(n.log10_e[-1], "1", 0.01) if n.log10_e else None, "yes" if n.alarm else "no",
@@ -42,15 +44,14 @@ def _numbers(found: WatchDocument) -> Table:
     return Table("numbers", "What is watched", note, columns, rows, 2)
 
 
-def scatter_of(low: float, high: float) -> float:
-    """Standard deviation of a sweep while nothing changes, roughly, from its normal range."""
-    return 0.25 * (high - low)
+UNTIL_KNOWN: Final = {"shift": 0.1, "width": 0.01}
+"""Standard deviations by which shifts [K] and widths [1] are written while the scatter of sweeps is not known."""
 
 
-def _scatter(n: WatchedNumber) -> float | None:
-    """The same of the last sweep; None where it is not known yet."""
+def scatter_of(n: WatchedNumber) -> float | None:
+    """Standard deviation of a sweep while nothing changes, roughly, from its last normal range; None if not known."""
     low, high = n.normal_low[-1], n.normal_high[-1]
-    return None if low is None or high is None else scatter_of(low, high)
+    return UNTIL_KNOWN.get(n.number) if low is None or high is None else 0.25 * (high - low)
 
 
 def _value(value: float | None, unit: str, sd: float | None = None) -> Cell:

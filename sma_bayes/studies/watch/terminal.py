@@ -51,10 +51,10 @@ def _show_numbers(console: Screen, found: WatchDocument) -> None:
 def _row(n: WatchedNumber, count: int) -> list[str]:
     """Normal range and the last values of a number, with the digits that the range bears."""
     low, high = n.normal_low[-1], n.normal_high[-1]
-    scatter = None if low is None or high is None else scatter_of(low, high)
-    ends, values = [low, high] if scatter else [], n.value[-count:]
-    digits = write([*ends, *values], resolution=scatter).plain
-    normal = f"{digits[0]} to {digits[1]}" if scatter else "not known yet"
+    known = low is not None and high is not None
+    ends, values = [low, high] if known else [], n.value[-count:]
+    digits = write([*ends, *values], resolution=scatter_of(n)).plain
+    normal = f"{digits[0]} to {digits[1]}" if known else "not known yet"
     outside = [_outside(n, i - count) for i in range(count)]
     return [normal, *(v + "!" * o for v, o in zip(digits[len(ends) :], outside, strict=True))]
 
