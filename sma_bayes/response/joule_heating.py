@@ -5,7 +5,13 @@
 Divided by the heat capacity, two numbers are left: ``gain = R/(m c)`` and ``loss = h A/(m c)``. Over each step the
 heat that the current brings is what its square adds up to, so no switching is lost between two samples. Every stretch
 starts at the temperature that suits its readings best: the first one is as noisy as any other, and its error would die
-away only with the time constant. So does the lag of a sensor, whose past is unknown as well.
+away only with the time constant.
+
+How far a sensor that lags is behind when a stretch starts is unknown as well, but stretches of one condition that warm
+start alike, and so do those that cool: after a hold, where it has settled, or on the way. So one share serves all of
+them, from 0, where the sensor follows at its distance already, by 1, where it has settled, to 2, where it comes from a
+course as steep the other way. A start for each stretch would be as many free numbers, which the evidence does not
+count.
 
 A record does not say when between two samples the current was switched, nor whether a reading is the current before or
 after its instant. So ``switching`` is the share of a step that passes before the current changes to the next reading:
@@ -31,6 +37,8 @@ EXCESS: Final = 40.0
 LEAST_EXCESS: Final = 0.5
 """Excess below which losses are as at this one [K]."""
 KELVIN: Final = 273.15
+ROUNDS: Final = 4
+"""How often the starts of the stretches and how far the sensor is behind at them are found, given each other."""
 LEAST_WEIGHT: Final = 1e-6
 """Squared length below which what fades from the start of a stretch says nothing of it."""
 
@@ -110,17 +118,40 @@ class JouleHeating:
         of_lag = _fading(
             np.exp(-_step(inputs["time"]) / np.maximum(inputs["sensor_lag"], 1e-12)), first, shape
         )
-        of_lag = of_lag - of_start * _starts(of_lag, of_start, first)
-        fastest = np.max(np.abs(_speed(heat, inputs["time"])), axis=-1, keepdims=True)
-        most = 2.0 * inputs["sensor_lag"] * fastest  # no sensor is farther behind what it follows
-        late = of_lag * np.clip(_starts(left, of_lag, first), -most, most)
-        return {"temperature": from_zero + of_start * _starts(left, of_start, first) + late}
+        apart = of_lag - of_start * _starts(of_lag, of_start, first)
+        warming, loss_rate = _after(heat / capacity, inputs, first), _after(passed, inputs, first)
+        start, late = _starts(left, of_start, first), np.zeros(1)
+        for _ in range(ROUNDS):
+            settled = inputs["sensor_lag"] * (warming + loss_rate * (surroundings - start))
+            share = _share(left - of_start * start, settled, settled * apart)
+            late = share * settled * of_lag
+            start = _starts(left - late, of_start, first)
+        return {"temperature": from_zero + of_start * start + late}
 
 
 def _speed(heat: Floats, time: Floats) -> Floats:
     """Heat of each step over its length [K/s]; 0 where it has none."""
     dt = _step(time)
     return np.divide(heat, dt, out=np.zeros(np.broadcast_shapes(heat.shape, dt.shape)), where=dt > 0.0)
+
+
+def _after(heat: Floats, inputs: Mapping[str, Floats], first: Bools) -> Floats:
+    """Of the first step of each stretch, over its length, (..., n); 0 where a stretch has no step."""
+    speed, at = _speed(heat, inputs["time"]), np.flatnonzero(first)
+    stop = np.append(at[1:], first.size)
+    own = np.where(at + 1 < stop, speed[..., np.minimum(at + 1, first.size - 1)], 0.0)
+    return np.repeat(own, stop - at, axis=-1)
+
+
+def _share(left: Floats, settled: Floats, direction: Floats) -> Floats:
+    """Share of a direction that suits what is left best, 0 to 2, (..., n); of all that warm, and of all that cool."""
+    out = np.zeros(np.broadcast_shapes(left.shape, direction.shape))
+    for alike in (settled > 0.0, settled < 0.0):
+        own = np.where(alike, direction, 0.0)
+        weight = np.maximum(np.sum(own * own, axis=-1, keepdims=True), LEAST_WEIGHT)
+        share = np.clip(np.sum(own * left, axis=-1, keepdims=True) / weight, 0.0, 2.0)
+        out = np.where(alike, share, out)
+    return out
 
 
 def _fading(kept: Floats, first: Bools, shape: tuple[int, ...]) -> Floats:

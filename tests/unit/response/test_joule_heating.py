@@ -164,6 +164,59 @@ def test_a_stretch_starts_where_least_squares_put_it(applied: dict[str, Floats])
         np.testing.assert_allclose(found[part], exact[part] + decay * (start - 100.0), atol=1e-6)
 
 
+def _pulses(tau: float, hold: bool) -> tuple[dict[str, Floats], Floats]:
+    """Ten heatings and coolings, each a stretch; what a sensor with a time constant reads, by solve_ivp.
+
+    The sensor has settled before each of them, or follows at its distance (`hold` false) from a start 60 s before.
+    """
+    time, current, stretch, read = [], [], [], []
+    for k in range(20):
+        power = 4.0 * GAIN if k % 2 == 0 else 0.0
+        begin = AMBIENT if k % 2 == 0 else AMBIENT + 4.0 * GAIN / LOSS
+        end = AMBIENT + power / LOSS
+
+        t = np.arange(20.0) + 0.5 * k
+        if hold:
+
+            def both(t: float, y: Floats, power: float = power) -> list[float]:
+                return [power - LOSS * (y[0] - AMBIENT), (y[0] - y[1]) / tau]
+
+            solved = solve_ivp(both, (0.0, 20.0), [begin, begin], t_eval=t - t[0], rtol=1e-10, atol=1e-9)
+            read.append(solved.y[1])
+        else:  # without what fades with the sensor
+            read.append(end + (begin - end) * np.exp(-LOSS * t) / (1.0 - LOSS * tau))
+        time.append(t + 100.0 * k)
+        current.append(np.full(t.size, np.sqrt(power / GAIN)))
+        stretch.append(np.full(t.size, float(k)))
+    names = {"time": time, "current": current, "stretch": stretch}
+    return {name: np.concatenate(v) for name, v in names.items()}, np.concatenate(read)
+
+
+@pytest.mark.parametrize("hold", [True, False])
+@pytest.mark.parametrize("tau", [0.4, 1.5, 4.0])
+def test_a_sensor_that_lags_has_settled_at_the_start_of_a_stretch_or_follows(tau: float, hold: bool) -> None:
+    inputs, read = _pulses(tau, hold)
+    lagging = {**inputs, "temperature": read, "sensor_lag": np.array([tau])}
+    np.testing.assert_allclose(JouleHeating().predict(THETA, lagging)["temperature"], read, atol=2e-4)
+
+
+def test_what_a_sensor_lags_at_the_starts_is_two_free_numbers_and_not_twenty() -> None:
+    """Of a sensor that does not lag a time constant of 5 s takes noise of two degrees of freedom, one-sided, in 400.
+
+    Twenty free starts would take 20. The mean of 60 repeats has a standard error below 0.3.
+    """
+    inputs, read = _pulses(1e-6, hold=False)
+    rng, taken = np.random.default_rng(1), []
+    for _ in range(60):
+        noisy = {**inputs, "temperature": read + 0.05 * rng.standard_normal(read.size)}
+        plain, lagging = (
+            np.sum((JouleHeating().predict(THETA, v)["temperature"] - noisy["temperature"]) ** 2) / 0.05**2
+            for v in (noisy, {**noisy, "sensor_lag": np.array([5.0])})
+        )
+        taken.append(plain - lagging)
+    assert np.mean(taken) < 2.0
+
+
 def test_a_stretch_says_nothing_of_another(applied: dict[str, Floats]) -> None:
     plain = JouleHeating().predict(THETA, applied)["temperature"]
     other = applied["temperature"].copy()
