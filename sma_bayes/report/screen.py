@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any, Final
@@ -16,13 +16,31 @@ from sma_bayes.report.notation import with_minus
 
 SHOWN: Final = 20
 """Entries of a list on the screen, where there are very many."""
-IF_NOT_CONVERGED: Final = (
-    "what helps: a curve that suits the data (`--model auto`), narrower priors of what they leave open (`--priors`), a "
-    "simpler `--noise`, or another `--seed`"
-)
-"""What to do about a fit that has not converged."""
-FIT_AGAIN: Final = f"fit again; {IF_NOT_CONVERGED}"
-"""The same for what was made from a fit."""
+SIMPLER: Final = ("ar1", "independent")
+"""Noise models under which fits converge that do not under richer ones, mostly in seconds; the richer first. Of four
+real records three did under either, and each under one of them; but then none was adequate."""
+
+
+def what_helps(noises: Collection[str] = ()) -> str:
+    """What to do about a fit that has not converged.
+
+    Parameters
+    ----------
+    noises : collection of str
+        Names of the noise models of such records, where they are known; what is no simpler is not advised.
+    """
+    tried = [SIMPLER.index(name) if name in SIMPLER else -1 for name in noises]
+    left = SIMPLER[min(tried, default=-1) + 1 :]
+    advised = ", or else ".join(f"`--noise {name}`" for name in left)
+    simpler = f"a simpler noise ({advised}; see whether the fit is adequate then), " if left else ""
+    return (
+        f"what helps: {simpler}a curve that suits the data (`--model auto`), narrower priors of what they leave open "
+        "(`--priors`), or another `--seed`"
+    )
+
+
+FIT_AGAIN: Final = f"fit again; {what_helps()}"
+"""What to do about what was made from a fit that has not converged."""
 NOT_CONVERGED: Final = f"NOT CONVERGED: these numbers must not be relied on; {FIT_AGAIN}"
 """What is said of numbers that were made from one."""
 

@@ -22,7 +22,7 @@ from sma_bayes.report.explorer import chart_data
 from sma_bayes.report.figures.sheet import FigureFiles, numbered
 from sma_bayes.report.html import Picture, embedded, estimate_text, rendered, select
 from sma_bayes.report.notation import write
-from sma_bayes.report.screen import IF_NOT_CONVERGED
+from sma_bayes.report.screen import what_helps
 from sma_bayes.report.tables import Cell, Column, Table, report_tables, words
 from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL
 from sma_bayes.runs.fit_document import CHECK_TAIL
@@ -152,7 +152,7 @@ def render(
         level=LEVEL,
         check_tail=CHECK_TAIL,
         default_model=DEFAULT_MODEL,
-        what_helps=IF_NOT_CONVERGED,
+        what_helps=what_helps([r.document.noise.name for r in content.records if not r.document.converged]),
         auto_model=AUTO_MODEL,
         paper_correlation=PAPER_CORRELATION,
         shapes=SHAPES,

@@ -14,7 +14,7 @@ from sma_bayes.errors import first_of, many
 from sma_bayes.quantities import unit_text
 from sma_bayes.records.plausibility import DOUBTS
 from sma_bayes.report.choice import MANY
-from sma_bayes.report.screen import IF_NOT_CONVERGED, SHOWN, screen, show_end
+from sma_bayes.report.screen import SHOWN, screen, show_end, what_helps
 from sma_bayes.runs.fit_document import FitSummary, OptionsSummary, RecordSummary
 from sma_bayes.studies.fit.inadequate import NAMED, reason_groups
 
@@ -85,11 +85,12 @@ def show_fit(summary: dict[str, Any], out: Path) -> None:
         )
         console.print(f"{findings} about the data, {rows} kept out: see the report or `sma-bayes inspect`")
     if not found.converged:
-        names = [r.key for r in found.records if not r.converged]
+        failed = [r for r in found.records if not r.converged]
+        names = [r.key for r in failed]
         whose = "Their" if len(names) > 1 else "Its"
         console.tell(
-            f"NOT CONVERGED: {first_of(names, SHOWN)}. {whose} numbers must not be relied on; {_slowest(found.records)}"
-            f"{IF_NOT_CONVERGED}."
+            f"NOT CONVERGED: {first_of(names, SHOWN)}. {whose} numbers must not be relied on; {_slowest(failed)}"
+            f"{what_helps([r.noise.name for r in failed])}."
         )
         unseen = [
             f
@@ -103,14 +104,13 @@ def show_fit(summary: dict[str, Any], out: Path) -> None:
     show_end(console, summary, out)
 
 
-def _slowest(records: Sequence[RecordSummary]) -> str:
-    """The parameter that is drawn worst, where one was sampled."""
+def _slowest(failed: Sequence[RecordSummary]) -> str:
+    """The parameter that is drawn worst; of one that has reached R-hat and effective draws nothing is told."""
     sampled = [
         (p.ess, name, p.rhat, r)
-        for r in records
-        if not r.converged
+        for r in failed
         for name, p in r.parameters.items()
-        if p.ess is not None and p.rhat is not None
+        if p.ess is not None and p.rhat is not None and p.short_of_target
     ]
     if not sampled:
         return ""

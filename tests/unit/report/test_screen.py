@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import io
+import re
 
+import pytest
 from rich.table import Table
 
 from sma_bayes.quantities import number_and_unit
-from sma_bayes.report.screen import Screen
+from sma_bayes.report.screen import Screen, what_helps
 
 
 def shown(*things: object) -> str:
@@ -30,3 +32,23 @@ def test_negative_numbers_have_a_minus_sign_in_sentences_and_tables() -> None:
 
 def test_a_number_can_be_given_as_it_was_shown() -> None:
     assert number_and_unit("−30 degC") == (-30.0, "degC")
+
+
+@pytest.mark.parametrize(
+    ("noises", "advised"),
+    [
+        ((), ["ar1", "independent"]),
+        (("ar1_student_t+growing",), ["ar1", "independent"]),
+        (("ar1",), ["independent"]),
+        (("independent",), []),
+        (("independent", "student_t"), ["ar1", "independent"]),
+        (("independent", "ar1"), ["independent"]),
+    ],
+)
+def test_what_helps_a_fit_that_has_not_converged_is_a_simpler_noise(
+    noises: tuple[str, ...], advised: list[str]
+) -> None:
+    told = what_helps(noises)
+    assert re.findall(r"--noise (\w+)", told) == advised
+    assert told.startswith("what helps: ")
+    assert "--seed" in told

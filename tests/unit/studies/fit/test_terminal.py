@@ -154,3 +154,15 @@ def test_the_name_of_a_record_is_never_shortened(length: int) -> None:
     assert {"record", "converged", "adequate"} <= set(names)
     assert length + fit.OTHERS * (len(names) - 1) <= 80 or len(names) == 3
     assert fit._columns_beside(["x" * length], 160) == list(fit.COLUMNS)
+
+
+def drawn(rhat: float, ess: float) -> ParameterSummary:
+    return ParameterSummary(unit="N", channel="force", role="span", rhat=rhat, ess_bulk=ess, ess_tail=ess)
+
+
+def test_the_parameter_that_is_drawn_worst_is_named_among_those_short_of_the_target() -> None:
+    """One that has reached it is no reason: R-hat 1.000 and 5286 draws were told of a real record."""
+    reached, short = drawn(1.0, 5286.0), drawn(1.03, 400.0)
+    assert fit._slowest([record("a-heating", parameters={"A1": reached})]) == ""
+    told = fit._slowest([record("a-heating", parameters={"A1": reached, "A2": short})])
+    assert told == "worst is A2 of a-heating (R-hat 1.030, 400 effective draws); "

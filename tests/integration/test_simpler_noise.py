@@ -1,0 +1,32 @@
+"""Real records whose fits do not converge under the noise that evidence prefers do under one that is advised."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+
+import pytest
+
+from sma_bayes import fit
+from sma_bayes.records.campaign import read_campaign
+from sma_bayes.report.screen import SIMPLER
+
+EXAMPLES = Path(__file__).resolve().parents[2] / "docs" / "examples"
+
+
+@pytest.mark.parametrize(
+    ("example", "record", "noise"),
+    [
+        ("guarneros_spring_force", "AB3-heating", "ar1"),
+        ("wire_in_water", "ele_hys_2-cooling", "ar1"),
+        ("wire_in_water", "ele_hys_2-heating", "independent"),
+    ],
+)
+def test_a_simpler_noise_converges_and_does_not_pass_for_adequate(
+    shared_data: Path, example: str, record: str, noise: str
+) -> None:
+    campaign = read_campaign(EXAMPLES / f"{example}.toml", data_dir=shared_data / example)
+    found = fit(replace(campaign, records=(campaign.record(record),)), noise=noise, jobs=1)[record]
+    assert noise in SIMPLER
+    assert found.converged
+    assert not found.summarised.adequate
