@@ -2,7 +2,11 @@
 
 `simcoon` takes the law as ``SMADI`` (``SMAUT`` of older versions), 28 constants in the order of `SIMCOON`, stresses in
 MPa: `simcoon.solver.io.load_material_json` reads the file. With the first of them, ``flagT``, zero, its temperatures
-are those of the tangent at half the transformation. SMA-REACT (https://github.com/maestrolab/SMA-REACT)
+are those of the tangent at half the transformation. Its driving force counts the work of the stress on the difference
+of the expansions, which a card keeps apart: the slopes and temperatures of the file are those with which its curves are
+the card's. It starts at the temperature to which the strain refers, ``T_init``. Its default tangent takes that work at
+the absolute temperature and fails where slopes of the phases differ by more than expansions do; ``tangent_mode`` names
+one that does not. SMA-REACT (https://github.com/maestrolab/SMA-REACT)
 takes the ends of the law itself, stresses in Pa and one expansion; the file has the keys with which it exports a
 solution, its bounds are the 90 % intervals.
 """
@@ -15,9 +19,10 @@ from collections.abc import Mapping
 from typing import Any, Final
 
 import numpy as np
+from scipy.optimize import least_squares
 
 from sma_bayes.arrays import Floats
-from sma_bayes.studies.card.law import ends
+from sma_bayes.studies.card.law import Moduli, beside_expansions, ends, entropy, shift
 from sma_bayes.studies.card.pooling import Constant, PooledConstants
 
 POISSON: Final = 0.33
@@ -28,6 +33,10 @@ SIMCOON: Final = (
     "c_lambda", "p0_lambda", "n_lambda", "alpha_lambda",
 )  # fmt: skip
 """Order of the constants of ``SMADI``."""
+MOVED: Final = ("Ms", "Mf", "As", "Af")
+"""Constants that the work on expansions moves, with C_A and C_M."""
+NEAR: Final = 0.01
+"""Share of the reference stress on either side of it from which slopes are told."""
 STATES: Final = 17
 """Its internal variables."""
 _NUMERICAL: Final = {
@@ -37,9 +46,16 @@ _NUMERICAL: Final = {
 """Poisson's ratios, no asymmetry of tension and compression, and the penalties of the examples of simcoon."""
 
 
-def simcoon_material(card: PooledConstants) -> dict[str, Any]:
-    """Material of `simcoon`: name, constants, states and orientation; ``symbols`` and ``units`` are told too."""
-    values = {name: c.value for name, c in card.constants.items()}
+def simcoon_material(card: PooledConstants, common: float) -> dict[str, Any]:
+    """Material of `simcoon`: name, constants, states and orientation; how to call it is told too.
+
+    Parameters
+    ----------
+    card : PooledConstants
+    common : float
+        Temperature to which the strain refers [K].
+    """
+    values = _beside_expansions(card, common)
     values |= _NUMERICAL | {"sigma_calibration": card.reference}
     return {
         "name": "SMADI",
@@ -48,7 +64,46 @@ def simcoon_material(card: PooledConstants) -> dict[str, Any]:
         "orientation": {"psi": 0.0, "theta": 0.0, "phi": 0.0},
         "symbols": list(SIMCOON),
         "units": "MPa, K, 1/K, 1/MPa, MPa/K",
+        "T_init": common,
+        "tangent_mode": "closest_point",
     }
+
+
+def _beside_expansions(card: PooledConstants, common: float) -> dict[str, float]:
+    """Constants whose driving force counts the work on expansions: the same transformations, the same slopes there."""
+    values = {name: c.value for name, c in card.constants.items()}
+    difference = values["alpha_M"] - values["alpha_A"]
+    if difference == 0.0:
+        return values
+    moduli = Moduli(values["E_A"], values["E_M"])
+    strain = (np.asarray(values["H_min"]), np.asarray(values["H_max"]), np.asarray(values["k"]))
+    stresses = card.reference * np.array([1.0 - NEAR, 1.0, 1.0 + NEAR])
+
+    def transformations(x: Floats, difference: float) -> Floats:
+        """Four temperatures at the reference stress, and rises of both transformations about it [K]."""
+        temperatures, slopes = x[:4], (np.exp(x[4]), np.exp(x[5]))
+        change = entropy(card.reference, strain, slopes, moduli)
+        at = np.array([
+            beside_expansions(
+                temperatures + np.repeat([
+                    shift(float(s), card.reference, strain, slopes, moduli, cooling=cooling)
+                    for cooling in (True, False)
+                ], 2), float(s), change, difference, common,
+            )
+            for s in stresses
+        ])  # fmt: skip
+        rise = (at[2] - at[0]) / (2.0 * NEAR)
+        return np.concatenate([at[1], rise.reshape(2, 2).mean(axis=1)])
+
+    start = np.array([*(values[n] for n in MOVED), np.log(values["C_A"]), np.log(values["C_M"])])
+    wanted = transformations(start, 0.0)
+
+    def missed(x: Floats) -> Floats:
+        return transformations(x, difference) - wanted
+
+    found = least_squares(missed, start, x_scale=[1.0, 1.0, 1.0, 1.0, 0.1, 0.1])
+    moved = dict(zip(MOVED, found.x[:4].tolist(), strict=True))
+    return values | moved | {"C_A": float(np.exp(found.x[4])), "C_M": float(np.exp(found.x[5]))}
 
 
 def sma_react_solution(card: PooledConstants) -> dict[str, Any]:

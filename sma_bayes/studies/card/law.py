@@ -97,6 +97,29 @@ def share(temperature: Floats, none: float, full: float, p: float, q: float) -> 
     return np.asarray(np.interp(temperature, along[::-1], _NODES[::-1]))
 
 
+def crossed(cooling: tuple[float, float, float, float], heating: tuple[float, float, float, float]) -> float:
+    """Greatest share of either phase with which heating is below cooling, 0 where branches do not cross [1].
+
+    Parameters
+    ----------
+    cooling, heating : tuple of float
+        Temperatures of no martensite and of all, and exponents there, as in `share`, at the same stress.
+
+    Examples
+    --------
+    >>> crossed((20.0, 10.0, 1.0, 1.0), (40.0, 30.0, 1.0, 1.0))
+    0.0
+    >>> crossed((20.0, 10.0, 1.0, 1.0), (19.0, 13.0, 1.0, 1.0)) > 0.2
+    True
+    """
+    along = []
+    for none, full, p, q in (cooling, heating):
+        first, last = ends(none, full, p, q)
+        along.append(first + (last - first) * hardening(_NODES, p, q))
+    below = _NODES[along[1] < along[0]]
+    return float(np.minimum(below, 1.0 - below).max(initial=0.0))
+
+
 def transformation_strain(stress: Floats | float, least: Floats, most: Floats, k: Floats) -> Floats:
     """H(s) above [1]; the stress in MPa, `k` in 1/MPa."""
     return np.asarray(least + (most - least) * -np.expm1(-k * np.asarray(stress)))
@@ -127,3 +150,44 @@ def shift(
     weight = 2.0 * other * (rise + elastic) / (own + other) - elastic  # (1 -+ D) times the rise
     work = transformation_strain(stress, least, most, k) * stress * weight / rise
     return np.asarray((work + 0.5 * moduli.compliance * stress**2) / (own * (weight + elastic)))
+
+
+def entropy(
+    reference: float, strain: tuple[Floats, Floats, Floats], slopes: tuple[Floats, Floats], moduli: Moduli
+) -> Floats:
+    """Entropy of the transformation that the slopes C_A and C_M stand for [MPa/K]; parameters as in `shift`."""
+    least, most, k = strain
+    rise = transformation_strain(reference, *strain) + reference * (most - least) * k * np.exp(-k * reference)
+    return np.asarray(
+        2.0 * slopes[0] * slopes[1] * (rise + moduli.compliance * reference) / (slopes[0] + slopes[1])
+    )
+
+
+def beside_expansions(
+    temperature: Floats, stress: float, entropy_change: Floats | float, difference: float, common: float
+) -> Floats:
+    """Where a transformation is once the work of the stress on the difference of the expansions counts, too.
+
+    With it the driving force has ``s (alpha_M - alpha_A) (T - T_0)`` beside the work on the transformation strain.
+
+    Parameters
+    ----------
+    temperature : ndarray
+        Where it is without that, at the same stress [K].
+    stress : float
+        s [MPa].
+    entropy_change : ndarray or float
+        See `entropy`.
+    difference : float
+        ``alpha_M - alpha_A`` [1/K].
+    common : float
+        T_0, to which the strain refers [K].
+
+    Examples
+    --------
+    >>> float(beside_expansions(np.array(330.0), 100.0, 0.2, 0.0, 400.0))
+    330.0
+    >>> round(float(beside_expansions(np.array(330.0), 100.0, 0.2, -4e-5, 400.0)), 2)
+    331.37
+    """
+    return np.asarray(common + (temperature - common) / (1.0 - stress * difference / entropy_change))

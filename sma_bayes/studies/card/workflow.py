@@ -29,7 +29,7 @@ from sma_bayes.runs.stored_draws import draws_of
 from sma_bayes.studies.card.exports import covariance_text, simcoon_material, sma_react_solution
 from sma_bayes.studies.card.features import GRID, NAMES, curve_of, nearest_law
 from sma_bayes.studies.card.header import stiffness_header
-from sma_bayes.studies.card.law import Moduli, shift, transformation_strain
+from sma_bayes.studies.card.law import Moduli, crossed, shift, transformation_strain
 from sma_bayes.studies.card.pooling import (
     Constant,
     LoadedSweep,
@@ -61,6 +61,8 @@ POOR: Final = 0.05
 """Miss of the law, over the range of a curve, from which it is a caution [1]."""
 COARSE: Final = 0.02
 """Error of interpolation over the stiffness from which it is a caution [1]."""
+CROSSED: Final = 1e-3
+"""Share of a phase up to which branches may cross, in tails that no curve shows [1]."""
 EXPANSIONS_ALIKE: Final = 3e-6
 """Greatest difference of the expansions of both phases that simcoon 2.2 integrated with its default tangent [1/K]."""
 UNITS: Final = {
@@ -397,7 +399,20 @@ def expansion_caution(austenite: float, martensite: float) -> tuple[str, ...]:
     return (
         f"The slopes of the phases differ by {difference:.2g} per K, which the card keeps as a difference of "
         "expansions: simcoon needs tangent_mode='closest_point' then, else it ends at the start of the "
-        "transformation, and its curves may be off those of the card by some per cent of the strain.",
+        "transformation.",
+    )
+
+
+def crossing_caution(constants: Mapping[str, float]) -> tuple[str, ...]:
+    """What to say of a heating that is below the cooling in the tails of both, if anything."""
+    c = constants
+    shared = crossed((c["Ms"], c["Mf"], c["n1"], c["n2"]), (c["Af"], c["As"], c["n3"], c["n4"]))
+    if shared <= CROSSED:
+        return ()
+    return (
+        f"Without stress heating and cooling of the card cross where {shared:.1%} or less of a phase is left: their "
+        "corners are rounder than the hysteresis is wide. simcoon, in which both transformations then go on at once, "
+        "does not give its curves.",
     )
 
 
@@ -421,8 +436,9 @@ def _cautions(made: _Made | None, tables: Sequence[TabulatedQuantiles]) -> Itera
             yield (
                 f"Not identified by the data, and held at what card.json states under `why`: {', '.join(held)}."
             )
-        alpha = {c.name: c.value for c in stated.constants}
-        yield from expansion_caution(alpha["alpha_A"], alpha["alpha_M"])
+        values = {c.name: c.value for c in stated.constants}
+        yield from expansion_caution(values["alpha_A"], values["alpha_M"])
+        yield from crossing_caution(values)
         if stated.left_out:
             yield f"Left out: {', '.join(f'{k} ({w})' for k, w in stated.left_out.items())}."
     coarse = [t for t in tables if t.relative_error > COARSE]
@@ -446,7 +462,7 @@ def _write(
         )
         write_text(folder / "constitutive-covariance.csv", covariance_text(constants))
         write_csv(folder / "constitutive-curves.csv", made.curves)
-        write_json(folder / made.stated.simcoon, simcoon_material(made.law))
+        write_json(folder / made.stated.simcoon, simcoon_material(made.law, made.stated.common_temperature))
         write_json(folder / made.stated.sma_react, sma_react_solution(made.law))
     if tables:
         write_csv(folder / "stiffness.csv", _table_columns(tables))
