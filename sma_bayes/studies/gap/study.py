@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 
 import numpy as np
 
@@ -19,7 +20,7 @@ from sma_bayes.records.history import History, histories
 from sma_bayes.records.types import Branch, Campaign
 from sma_bayes.response.base import ResponseModel
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
-from sma_bayes.studies.gap.fitting import FittedHypothesis, fit_hypothesis, fit_with_noise
+from sma_bayes.studies.gap.fitting import FittedHypothesis, added_by, fit_hypothesis, fit_with_noise
 from sma_bayes.studies.gap.flexible import FlexibleTerms, gains, offer, terms_of, worth_of
 from sma_bayes.studies.gap.hypothesis import Hypothesis, baseline
 from sma_bayes.studies.gap.locate import SHUFFLES, Disagreement, DisagreementTest, disagreements, look
@@ -206,7 +207,8 @@ def study_from(
     while True:
         tell(f"looking for disagreements, round {len(steps) + 1}")
         least = max(WORTH, FURTHER * explained)
-        found = [one_round(current, effects, rng, last=len(steps) == MOST, least=least)]
+        apart = least_by_channel(current, steps)
+        found = [one_round(current, effects, rng, last=len(steps) == MOST, least=least, apart=apart)]
         one = found[0].chosen
         alone = one is not None and not members_of(one.effect)
         missing = not alone and len(steps) <= MOST - 2 and not found[0].only_shape
@@ -238,6 +240,7 @@ def one_round(
     *,
     last: bool = False,
     least: float = WORTH,
+    apart: Mapping[str, float] = MappingProxyType({}),
     refitted: int = REFITTED,
     steps: bool = True,
     shuffles: int = SHUFFLES,
@@ -253,6 +256,8 @@ def one_round(
         Whether to look only.
     least : float
         Log Bayes factor that an effect has to bring; `ENDS_IT` of it where it leaves nothing to explain.
+    apart : mapping of str to float
+        What is enough in one channel by itself; see `least_by_channel`.
     refitted : int
         How many effects are refitted, at most.
     steps : bool
@@ -267,12 +272,47 @@ def one_round(
     tried = candidates(current, screened, seen.gains, rivals, most=refitted, steps=steps)
     terms = None if rivals is None else rivals.terms
     fitted = [c for c in tried if c.fitted is not None]
-    enough = [c for c in fitted if c.ln_bayes_factor >= (ENDS_IT * least if _ends_it(c) else least)]
+    enough = [
+        c
+        for c in fitted
+        if c.ln_bayes_factor >= (ENDS_IT * least if _ends_it(c) else least) or _is_apart(c, current, apart)
+    ]
     worthy = _laws_first([c for c in enough if is_worthy(c)])
     if not worthy:
         return Step(current, seen, (*tried, *untested), None, (), terms)
     chosen = _preferred(worthy)
     return Step(current, seen, (*tried, *untested), chosen, _like(chosen, fitted), terms)
+
+
+def least_by_channel(current: FittedHypothesis, steps: Sequence[Step]) -> dict[str, float]:
+    """Gain of log likelihood in one channel alone that is enough for a further effect, by channel.
+
+    What the form of an effect leaves is in the channels that it changes. So in each channel a further effect is held to
+    what those effects explain that change it, wherever they do.
+
+    Parameters
+    ----------
+    current : FittedHypothesis
+    steps : sequence of Step
+        Those in which its effects were added.
+    """
+    brought = {s.chosen.effect.id: s.chosen.ln_bayes_factor for s in steps if s.chosen is not None}
+    before = dict.fromkeys(current.hypothesis.channels, 0.0)
+    for effect in current.hypothesis.effects:
+        added = added_by(effect, current.hypothesis, current.blocks, current.theta)
+        for channel in {b.channel for b in current.blocks if np.any(added[b.at])}:
+            before[channel] += brought.get(effect.id, 0.0)  # 0 of what the loop began with
+    return {channel: max(MISSHAPEN, FURTHER * much) for channel, much in before.items()}
+
+
+def _is_apart(candidate: Candidate, current: FittedHypothesis, least: Mapping[str, float]) -> bool:
+    """Whether it explains enough in one channel by itself, and as great a share of all that it explains."""
+    found = candidate.fitted
+    if found is None:
+        return False
+    gained = 0.5 * (current.whitened**2 - found.whitened**2)
+    own = {c: sum(float(gained[b.at].sum()) for b in current.blocks if b.channel == c) for c in least}
+    return any(own[c] >= max(least[c], FURTHER * candidate.ln_bayes_factor) for c in least)
 
 
 def _ends_it(candidate: Candidate) -> bool:

@@ -14,16 +14,18 @@ from sma_bayes.records.types import Branch, Campaign, Condition, Record
 from sma_bayes.simulated.rig import DEFAULT_RIG, GRAVITY, Setup, logged, ramp
 from sma_bayes.studies.gap.fitting import fit_with_noise
 from sma_bayes.studies.gap.hypothesis import baseline
-from sma_bayes.studies.gap.name import CARRIED_BESIDE, Candidate, EvidenceBeside
+from sma_bayes.studies.gap.name import CARRIED_BESIDE, MISSHAPEN, Candidate, EvidenceBeside
 from sma_bayes.studies.gap.outcome import judgement
 from sma_bayes.studies.gap.study import (
     APART,
     CARRIED,
+    FURTHER,
     SIGNIFICANT,
     WORTH,
     _preferred,
     baseline_start,
     heat_balance,
+    least_by_channel,
     study_campaign,
     study_from,
     without_needless,
@@ -112,6 +114,48 @@ def test_two_effects_at_once_are_both_named(channels: tuple[str, ...], study) ->
     theta = dict(zip(found.final.hypothesis.space.names, found.final.theta, strict=True))
     assert theta["thermocouple_lag.tau"] == pytest.approx(0.4, rel=0.1)
     assert theta["stress_shift.c"] == pytest.approx(2.0, rel=0.1)
+
+
+def hung(campaign: Campaign, share: float, power: float = 1.0) -> Campaign:
+    """The same with a load cell that bears a share of the load, to a power of it."""
+    records = [
+        replace(
+            r,
+            observed={
+                **r.observed,
+                "force": r.observed["force"] + share * (r.condition.load or 0.0) ** power,
+            },
+        )
+        for r in campaign.records
+    ]
+    return replace(campaign, records=tuple(records))
+
+
+def test_what_is_small_in_one_channel_is_named_where_the_great_one_is_not(rig) -> None:
+    """A shift that explains a fiftieth of what the load in the force does, and all there is in the displacement."""
+    found = study_campaign(
+        hung(rig(shift=0.5, channels=("force", "displacement")).campaign(), 1.0), PRIORS, pooled=True
+    )
+    assert [e.id for e in found.effects] == ["dead_load", "stress_shift"]
+    great, small = (s.chosen.ln_bayes_factor for s in found.steps if s.chosen is not None)
+    assert small < 0.02 * great
+    theta = dict(zip(found.final.hypothesis.space.names, found.final.theta, strict=True))
+    assert theta["dead_load.share"] == pytest.approx(1.0, abs=2e-3)
+    assert theta["stress_shift.c"] == pytest.approx(0.5, rel=0.1)
+    assert found.left.p_value > 1e-3
+    assert least_by_channel(found.steps[1].before, found.steps[:1]) == {
+        "force": pytest.approx(FURTHER * great), "displacement": MISSHAPEN,
+    }  # fmt: skip
+    assert least_by_channel(found.final, found.steps[:2]) == {
+        "force": pytest.approx(FURTHER * (great + small)), "displacement": pytest.approx(FURTHER * small),
+    }  # fmt: skip
+
+
+def test_what_the_form_of_an_effect_leaves_in_its_own_channel_has_no_name(rig) -> None:
+    campaign = hung(rig(channels=("force", "displacement")).campaign(), 1.0, power=1.3)
+    found = study_campaign(campaign, PRIORS, pooled=True)
+    assert [e.id for e in found.effects] == ["dead_load"]
+    assert found.left.p_value < SIGNIFICANT
 
 
 def test_what_differs_between_conditions_is_swallowed_by_parameters_of_their_own(study) -> None:
