@@ -285,7 +285,7 @@ def one_round(
 
 
 def least_by_channel(current: FittedHypothesis, steps: Sequence[Step]) -> dict[str, float]:
-    """Gain of log likelihood in one channel alone that is enough for a further effect, by channel.
+    """Log Bayes factor by one channel alone that is enough for a further effect, by channel.
 
     What the form of an effect leaves is in the channels that it changes. So in each channel a further effect is held to
     what those effects explain that change it, wherever they do.
@@ -306,13 +306,18 @@ def least_by_channel(current: FittedHypothesis, steps: Sequence[Step]) -> dict[s
 
 
 def _is_apart(candidate: Candidate, current: FittedHypothesis, least: Mapping[str, float]) -> bool:
-    """Whether it explains enough in one channel by itself, and as great a share of all that it explains."""
+    """Whether it is worth enough in one channel by itself, and as great a share of all that it is worth.
+
+    Its log Bayes factor is shared out among the channels as the gain of log likelihood is.
+    """
     found = candidate.fitted
     if found is None:
         return False
-    gained = 0.5 * (current.whitened**2 - found.whitened**2)
+    gained = current.whitened**2 - found.whitened**2
     own = {c: sum(float(gained[b.at].sum()) for b in current.blocks if b.channel == c) for c in least}
-    return any(own[c] >= max(least[c], FURTHER * candidate.ln_bayes_factor) for c in least)
+    whole = sum(max(g, 0.0) for g in own.values())
+    needed = FURTHER * candidate.ln_bayes_factor
+    return any(candidate.ln_bayes_factor * g >= max(least[c], needed) * whole > 0.0 for c, g in own.items())
 
 
 def _ends_it(candidate: Candidate) -> bool:
