@@ -217,14 +217,16 @@ def _orthonormal(rows: Floats) -> Floats:
 
 
 def _distance(e: Floats, log_weight: Floats, rows: Floats) -> float | None:
-    """``d' (1 + C)^-1 d / r`` of weighted draws of innovations (S, n) along orthonormal rows (r, n)."""
+    """``d' (1 + C)^-1 d / r`` of weighted draws of innovations (S, n) along orthonormal rows (r, n), if finite."""
     w = np.exp(log_weight - logsumexp(log_weight))
     kept = w > 0.0
+    if not len(rows) or not np.isfinite(e[kept]).all():
+        return None
     along = e[kept] @ rows.T
     mean = w[kept] @ along
     apart = along - mean
     covariance = np.eye(len(rows)) + (apart * w[kept, None]).T @ apart
-    value = float(mean @ np.linalg.solve(covariance, mean)) / len(rows) if len(rows) else np.nan
+    value = float(mean @ np.linalg.solve(covariance, mean)) / len(rows)
     return value if np.isfinite(value) else None
 
 

@@ -12,8 +12,8 @@ from sma_bayes.studies.options import FitOptions, models_of
 
 OF_A_STUDY_S, OF_A_VALUE_S, OF_A_CELL_S = 4.0, 2.5e-3, 2.7e-5
 """Processor time of a study: a constant, that of each measured value, and of each value and parameter of the curves
-[s]. Of 14 studies of real and simulated campaigns those that took more than six seconds, up to 81 s, took this within a
-factor of 3.3, whether there was anything to name or not. Draws of a model with effects may add a minute."""
+[s]. Chosen on 14 studies of real and simulated campaigns of up to 81 s, nine of which a test holds to a factor of 3.3.
+Of two simulated ones of 16 records it is four to five times too much. Draws with effects may add a minute."""
 OF_A_CURVE_S, OF_A_SAMPLE_S = 1.0, 6e-3
 """Of choosing a curve for all records: of each curve tried on records that share parameters, and of each of their
 samples beside it [s]. Two real campaigns, 28 and 81 s, took this within a factor of 1.2."""

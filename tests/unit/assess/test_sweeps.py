@@ -150,3 +150,10 @@ def test_the_summary_has_every_sweep() -> None:
     found = record_summary(fit, 0, {}, {})
     assert [s.sweep for s in found.left_out_sweeps] == [1, 2, 3]
     assert "left_out_sweeps" in [c.statistic for c in found.checks]
+
+
+def test_draws_whose_innovations_are_not_finite_have_no_distance() -> None:
+    rows, e = np.eye(3)[:2], np.zeros((5, 3))
+    e[2] = np.inf, np.nan, 0.0
+    assert _distance(e, np.zeros(5), rows) is None
+    assert _distance(e, np.where(np.arange(5) == 2, -np.inf, 0.0), rows) == 0.0
