@@ -80,6 +80,19 @@ def processes(jobs: int | None, tasks: int) -> int:
     return max(1, min(wanted, tasks))
 
 
+def by_the_clock(each: Sequence[float], jobs: int | None) -> float:
+    """What tasks take together where they are shared among processes [s]; no less than the longest of them.
+
+    Examples
+    --------
+    >>> by_the_clock([2.0, 2.0, 2.0, 2.0], 2)
+    4.0
+    >>> by_the_clock([1.0, 5.0], 2)
+    5.0
+    """
+    return max(sum(each) / processes(jobs, len(each)), *each) if each else 0.0
+
+
 def run(
     task: Callable[[T], R],
     items: Sequence[T],

@@ -18,7 +18,7 @@ from sma_bayes.report.choice import REPORT, figures_for
 from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL, RESPONSE_MODELS
 from sma_bayes.runs.declared_units import declared_parts
 from sma_bayes.runs.documents import COMPARISON
-from sma_bayes.runs.jobs import processes, run
+from sma_bayes.runs.jobs import by_the_clock, run
 from sma_bayes.runs.schema import ModelChoiceDocument
 from sma_bayes.runs.store import write_csv, write_text
 from sma_bayes.studies.compare.comparison import (
@@ -189,7 +189,7 @@ def _started(
     each = [b.expected_s for b in begun]
     models = max((len(b.running) for b in begun), default=0)
     what = f"{many(len(records), 'record')}, {models} models fitted whole and without each part held out"
-    announce(work.tell, max([sum(each) / processes(work.jobs, len(each)), *each]), what)
+    announce(work.tell, by_the_clock(each, work.jobs), what)
     return begun
 
 

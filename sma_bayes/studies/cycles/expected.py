@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Final
 
-from sma_bayes.runs.jobs import processes
+from sma_bayes.runs.jobs import by_the_clock
 
 OF_A_CURVE_S: Final = 0.1
 OF_A_CYCLE_S: Final = 0.045
@@ -24,5 +24,6 @@ def expected_s(conditions: Iterable[tuple[int, float]], jobs: int | None) -> flo
     jobs : int, optional
         See `run`; a condition is a task.
     """
-    each = [curves * (OF_A_CURVE_S + OF_A_CYCLE_S * cycles) for curves, cycles in conditions]
-    return max(sum(each) / processes(jobs, len(each)), max(each)) if each else 0.0
+    return by_the_clock(
+        [curves * (OF_A_CURVE_S + OF_A_CYCLE_S * cycles) for curves, cycles in conditions], jobs
+    )

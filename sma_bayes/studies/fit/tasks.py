@@ -22,7 +22,7 @@ from sma_bayes.records.types import Branch, Record
 from sma_bayes.response import AUTO_MODEL
 from sma_bayes.runs.documents import MARK
 from sma_bayes.runs.fit_document import RecordSummary
-from sma_bayes.runs.jobs import processes, run
+from sma_bayes.runs.jobs import by_the_clock, run
 from sma_bayes.runs.outputs import band_path
 from sma_bayes.runs.store import write_csv, write_posterior
 from sma_bayes.sampling.moves import SAMPLERS
@@ -123,7 +123,7 @@ def expected_s(groups: Sequence[tuple[Record, ...]], options: FitOptions, jobs: 
         curves, samples = len(models_of(group, options)), sum(r.n for r in group)
         constant = OF_A_CURVE_S if curves > 1 else OF_A_RECORD_S
         each.append(curves * (constant + OF_SAMPLES_S * samples**2))
-    return max(sum(each) / processes(jobs, len(each)), max(each)) if each else 0.0
+    return by_the_clock(each, jobs)
 
 
 def fitted(

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from typing import Final
 
 from sma_bayes.records.types import Record
-from sma_bayes.runs.jobs import processes
+from sma_bayes.runs.jobs import by_the_clock, processes
 from sma_bayes.studies.gap.close import FOLDS
 from sma_bayes.studies.options import FitOptions, models_of
 
@@ -55,5 +55,4 @@ def expected_s(groups: Sequence[tuple[Record, ...]], options: FitOptions, jobs: 
     parameters = sum(len(tried[0][0].parameter_names) for tried in curves)
     at_once = 1.0 - HELD_OUT + HELD_OUT / processes(jobs, FOLDS)
     choices = [choice_s(len(c), sum(r.n for r in group)) for c, group in zip(curves, groups, strict=True)]
-    choosing = max(sum(choices) / processes(jobs, len(choices)), *choices, 0.0)
-    return choosing + at_once * study_s(values, parameters)
+    return by_the_clock(choices, jobs) + at_once * study_s(values, parameters)
