@@ -105,9 +105,9 @@ def _key(row: Mapping[str, object]) -> tuple[str, ...]:
 
 
 def read(path: Path) -> list[dict[str, object]]:
-    """Rows of a CSV file."""
+    """Rows of a CSV file, of each campaign the last: that of the newest engine that has studied it."""
     with path.open(newline="") as file:
-        return [dict(r) for r in csv.DictReader(file)]
+        return list({_key(r): dict(r) for r in csv.DictReader(file)}.values())
 
 
 GOOD = {

@@ -20,6 +20,16 @@ def test_the_tables_of_the_page_are_made_from_the_rows() -> None:
     assert with_tables(text, rows) == text
 
 
+def test_a_campaign_counts_once_by_the_newest_engine(tmp_path: Path) -> None:
+    header, *lines = (DOCS / "data" / "gap.csv").read_text(encoding="utf-8").splitlines()
+    (engine,) = {r["engine"] for r in read(DOCS / "data" / "gap.csv")[:1]}
+    again = lines[0].replace(f",{engine},", ",newest,")
+    (tmp_path / "gap.csv").write_text("\n".join([header, *lines, again]) + "\n", encoding="utf-8")
+    found = read(tmp_path / "gap.csv")
+    assert len(found) == len(lines)
+    assert [r["engine"] for r in found].count("newest") == 1
+
+
 def test_a_rate_is_reached_or_missed_only_where_there_are_enough_campaigns() -> None:
     def met(named: int, n: int) -> str:
         rows = [
