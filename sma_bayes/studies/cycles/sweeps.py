@@ -145,11 +145,9 @@ class Strand:
         with np.errstate(over="ignore"):
             if name == "offset":
                 return np.asarray(self.level + self.span * value)
-            return (
-                value
-                if name == "shift"
-                else np.asarray(np.exp(value) * (1.0 if name == "width" else self.span))
-            )
+            if name == "shift":
+                return value
+            return np.asarray(np.exp(value) * (1.0 if name == "width" else self.span))
 
     @property
     def unit(self) -> str:
