@@ -119,14 +119,14 @@ class JouleHeating:
             np.exp(-_step(inputs["time"]) / np.maximum(inputs["sensor_lag"], 1e-12)), first, shape
         )
         apart = of_lag - of_start * _starts(of_lag, of_start, first)
-        warming, loss_rate = _after(heat / capacity, inputs, first), _after(passed, inputs, first)
-        start, late = _starts(left, of_start, first), np.zeros(1)
+        warming = _after(heat / capacity + passed * surroundings, inputs, first)
+        loss_rate = _after(passed, inputs, first)
+        late = np.zeros(1)
         for _ in range(ROUNDS):
-            settled = inputs["sensor_lag"] * (warming + loss_rate * (surroundings - start))
-            share = _share(left - of_start * start, settled, settled * apart)
-            late = share * settled * of_lag
             start = _starts(left - late, of_start, first)
-        return {"temperature": from_zero + of_start * start + late}
+            settled = inputs["sensor_lag"] * (warming - loss_rate * start)
+            late = _share(left, settled, settled * apart) * settled * of_lag
+        return {"temperature": from_zero + of_start * _starts(left - late, of_start, first) + late}
 
 
 def _speed(heat: Floats, time: Floats) -> Floats:
@@ -136,7 +136,7 @@ def _speed(heat: Floats, time: Floats) -> Floats:
 
 
 def _after(heat: Floats, inputs: Mapping[str, Floats], first: Bools) -> Floats:
-    """Of the first step of each stretch, over its length, (..., n); 0 where a stretch has no step."""
+    """What the first step of each stretch brings, over its length, (..., n); 0 where a stretch has no step."""
     speed, at = _speed(heat, inputs["time"]), np.flatnonzero(first)
     stop = np.append(at[1:], first.size)
     own = np.where(at + 1 < stop, speed[..., np.minimum(at + 1, first.size - 1)], 0.0)
