@@ -153,6 +153,8 @@ def _delimiter(lines: Sequence[str], reading: Reading, path: Path) -> tuple[str,
     }
     best = max(shapes, key=lambda d: (shapes[d].filled > 1, shapes[d].score))
     rivals = [d for d in shapes if shapes[d].score == shapes[best].score and shapes[d].filled > 1]
+    if best in rivals and best != WHITESPACE:  # runs of blanks differ from it in empty cells alone
+        rivals = [d for d in rivals if d != WHITESPACE]
     if len({(shapes[d].filled, shapes[d].numeric) for d in rivals}) > 1:
         raise MeasurementError(
             "the delimiter can't be told: " + " and ".join(repr(d) for d in rivals) + " fit equally well",

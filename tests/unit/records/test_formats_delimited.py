@@ -108,6 +108,14 @@ def test_a_delimiter_that_cannot_be_told_is_an_error(tmp_path: Path) -> None:
     np.testing.assert_array_equal(column(read_table(path, Reading(delimiter="|")), 1), [2, 4])
 
 
+def test_tabs_with_an_empty_cell_between_are_no_blanks(tmp_path: Path) -> None:
+    """Both split every row alike, but for the empty cell, which shifts those behind it."""
+    path = write(tmp_path, "\tt\tx\n\t1\t2\n\t3\t4\n")
+    table = read_table(path, Reading())
+    assert table.names == ("", "t", "x")
+    np.testing.assert_array_equal(column(table, 2), [2, 4])
+
+
 def test_a_given_delimiter_is_taken(tmp_path: Path) -> None:
     path = write(tmp_path, "1:2\n3:4\n")
     with pytest.raises(MeasurementError, match="no row of numbers"):
