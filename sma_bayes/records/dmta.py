@@ -13,7 +13,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from pathlib import Path
-from typing import Final, TypeVar
+from typing import Final
 
 import numpy as np
 from pydantic import Field
@@ -25,7 +25,8 @@ from sma_bayes.limits import SETTING
 from sma_bayes.quantities import can_convert, convert
 from sma_bayes.records.formats import RawTable, Reading, read_table, recognise
 from sma_bayes.records.formats.delimited import text_lines
-from sma_bayes.records.formats.numbers import is_blank, numbers
+from sma_bayes.records.formats.numbers import is_blank, looks_numeric, numbers
+from sma_bayes.records.formats.table import rows_finding
 from sma_bayes.records.formats.xlsx import sheet_titles
 from sma_bayes.records.plausibility import implausible, require_possible
 from sma_bayes.records.run import Run
@@ -76,9 +77,13 @@ _AT = re.compile(r"\(\s*(\d+(?:[.,]\d+)?(?:[eE][-+]?\d+)?)\s*(m?Hz|kHz)\s*\)")
 _BRACKETED = re.compile(r"(.*?)\s*[(\[]\s*([^()\[\]]*?)\s*[)\]]\s*")
 _SLASHED = re.compile(r"(.*?)\s*/\s*([^/\s]+)\s*")
 _SUFFIXED = re.compile(r"(.*)_(degC|C|K|degF|[kMG]?Pa|[km]?Hz|s|min|h)")
+_SPACED = re.compile(r"(.*\S)\s+(°C|ºC|℃|°F|K|[kMG]?Pa|[km]?Hz|rad/s|s|min|h)")
 _SIGNAL = re.compile(r"sig(\d+)", re.IGNORECASE)
 _STEP = re.compile(r"\s*\[step\]\s*", re.IGNORECASE)
-_PLAIN = {"°C": "degC", "C": "degC", "°F": "degF", "F": "degF", "K": "kelvin", "": "1", "-": "1", "1": "1"}
+_PLAIN = {
+    "°C": "degC", "C": "degC", "ºC": "degC", "℃": "degC", "deg C": "degC", "Celsius": "degC", "Cel": "degC",
+    "°F": "degF", "F": "degF", "℉": "degF", "K": "kelvin", "": "1", "-": "1", "1": "1",
+}  # fmt: skip
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,7 +95,7 @@ class DmtaOptions:
     columns : mapping of str to str
         Quantity to the name of its column.
     units : mapping of str to str
-        Quantity to its unit, where a file does not state it.
+        Quantity to its unit, where a file does not state one that can be read.
     frequency : str
         Frequency with its unit, ``"1 Hz"``, of files without any.
     encoding : str, optional
@@ -290,7 +295,7 @@ def _unique(sweeps: Sequence[DmtaSweep]) -> Iterator[DmtaSweep]:
 def _tests(path: Path, stem: str, options: DmtaOptions, left_out: list[str]) -> Iterator[_Test]:
     """Tables of a file that have a temperature and a storage modulus."""
     parts = list(_parts(path, options))
-    for label, reading in parts:
+    for label, reading, below in parts:
         name = f"{stem}-{_safe(label)}" if len(parts) > 1 else stem
         try:
             table = read_table(path, reading)
@@ -299,6 +304,11 @@ def _tests(path: Path, stem: str, options: DmtaOptions, left_out: list[str]) -> 
                 raise
             left_out.append(f"{name}: no table of temperature and storage modulus")
             continue
+        seen = [f for f in table.findings if f.kind != "cut"]  # nobody declared where a step ends
+        if below.size:
+            message = f"{many(below.size, 'line')} below the data, left out"
+            seen.append(rows_finding("below", message, below))
+        table = replace(table, findings=tuple(seen))
         test = _understood(name, path, table, options, alone=len(parts) == 1)
         if test is None:
             left_out.append(f"{name}: no table of temperature and storage modulus")
@@ -306,8 +316,9 @@ def _tests(path: Path, stem: str, options: DmtaOptions, left_out: list[str]) -> 
         yield test
 
 
-def _parts(path: Path, options: DmtaOptions) -> Iterator[tuple[str, Reading]]:
-    """Sheets of a workbook, steps of a text file, or the whole file."""
+def _parts(path: Path, options: DmtaOptions) -> Iterator[tuple[str, Reading, Ints]]:
+    """Sheets of a workbook, steps of a text file, or the whole file, with the lines of text below its data."""
+    none = np.empty(0, dtype=np.int64)
     if path.is_dir():
         raise MeasurementError(
             "is a folder", file=path, expected="an export", remedy="name the files: FOLDER/*.csv"
@@ -315,20 +326,28 @@ def _parts(path: Path, options: DmtaOptions) -> Iterator[tuple[str, Reading]]:
     form = recognise(path)
     if form == "xlsx":
         for title in sheet_titles(path):
-            yield title, Reading(sheet=title)
+            yield title, Reading(sheet=title), none
         return
     if form != "delimited":
-        yield "", Reading()
+        yield "", Reading(), none
         return
     encoding = options.encoding or encoding_of(path)
     lines = text_lines(path, encoding)
     steps = [i for i, line in enumerate(lines) if _STEP.fullmatch(line)]
-    if not steps:
-        yield "", Reading(encoding=encoding)
-        return
-    for at, end in zip(steps, [*steps[1:], len(lines)], strict=True):
-        title = lines[at + 1].strip(' \t,;"') if at + 1 < end else ""
-        yield title or f"step-{at + 1}", Reading(encoding=encoding, skip_rows=at + 1, last_row=end)
+    for at, end in zip(steps, [*steps[1:], len(lines)], strict=True) if steps else [(-1, len(lines))]:
+        title = lines[at + 1].strip(' \t,;"') or f"step-{at + 1}" if 0 <= at < end - 1 else ""
+        last = _end_of_data(lines, at + 1, end)
+        below = np.array([i + 1 for i in range(last, end) if lines[i].strip()], dtype=np.int64)
+        yield title, Reading(encoding=encoding, skip_rows=at + 1, last_row=last), below
+
+
+def _end_of_data(lines: Sequence[str], begin: int, end: int) -> int:
+    """Number of the last line, counted from 1, that begins with a number or has several."""
+    for last in range(end, begin, -1):
+        cells = re.split(r"[\s;,|]+", lines[last - 1].strip())
+        if looks_numeric(cells[0]) or sum(map(looks_numeric, cells)) > 1:
+            return last
+    return end
 
 
 def encoding_of(path: Path) -> str | None:
@@ -347,8 +366,8 @@ def _understood(
     label: str, path: Path, table: RawTable, options: DmtaOptions, *, alone: bool
 ) -> _Test | None:
     """The columns of a table that matter; None where a sheet or step among others has none."""
-    names, units = _header(table)
-    known = [_known(name, unit, options) for name, unit in zip(names, units, strict=True)]
+    line, names, units = _header(table)
+    known = _without_second([_known(name, unit, options) for name, unit in zip(names, units, strict=True)])
     missing = [q for q in WANTED if not any(k is not None and k[0] == q for k in known)]
     if missing and not alone:
         return None
@@ -364,6 +383,7 @@ def _understood(
             remedy=f'name it: --column "{missing[0]}=NAME", with --unit "{missing[0]}={UNITS[missing[0]]}" where the '
             "file does not state the unit",
         )
+    _refuse_misfit(line, names, table, path)
     _refuse_twice(names, known, path)
     columns: list[_Column] = []
     findings: list[Finding] = list(table.findings)
@@ -379,7 +399,11 @@ def _understood(
             table.columns[i], table.row, file=path, column=name, decimal=table.decimal or ".",
         )  # fmt: skip
         findings += seen
-        values = values / (2.0 * np.pi) if angular else convert(values, unit, UNITS[quantity], what=name)
+        if angular:
+            values = values / (2.0 * np.pi)
+        else:
+            unit = _readable(unit, quantity, name, options, path)
+            values = convert(values, unit, UNITS[quantity], what=name)
         columns.append(_Column(quantity, name, unit, frequency, values))
     if not options.encoding and table.above and encoding_of(path) == "cp1252":
         findings.append(Finding("encoding", "the text is no UTF-8 and was read as cp1252"))
@@ -389,8 +413,8 @@ def _understood(
     return test
 
 
-def _header(table: RawTable) -> tuple[list[str], list[str | None]]:
-    """Names of the columns, and units as far as a row of its own states them."""
+def _header(table: RawTable) -> tuple[int | None, list[str], list[str | None]]:
+    """Line of the names, names of the columns, and units as far as a row of its own states them."""
     width = len(table.columns)
     signals = {}
     for _, cells in table.above:
@@ -398,27 +422,41 @@ def _header(table: RawTable) -> tuple[list[str], list[str | None]]:
         if match:
             signals[int(match[1])] = " ".join(str(c) for c in cells[1:] if not is_blank(c))
     if signals:
-        return [signals.get(i + 1, "") for i in range(width)], [None] * width
-    rows = [[_text(c) for c in cells] for _, cells in table.above]
+        last = max(signals)
+        return None, [signals.get(i, "") for i in range(1, last + 1)], [None] * last
     units: list[str | None] = []
-    for cells in reversed(rows):
-        if units or not _are_units(cells):
-            return _padded(cells, width, ""), _padded(units, width, None)
-        units = [_bare(c) if c else None for c in cells]
-    return [""] * width, [None] * width
+    for line, above in reversed(table.above):
+        row = [_text(c) for c in above]
+        if not units and _are_units(row):
+            units = [_bare(c) if c else None for c in row]
+            continue
+        while row and not row[-1]:
+            row.pop()
+        if len(row) > width and table.names and any(_name_of(n)[0] for n in table.names):
+            row = list(table.names)  # names with blanks in them, over columns set apart by blanks
+        return line, row, [*units, *[None] * len(row)][: len(row)]
+    return None, [""] * width, [None] * width
+
+
+def _refuse_misfit(line: int | None, names: Sequence[str], table: RawTable, path: Path) -> None:
+    """Names that do not fit the columns: each would stand over the numbers of a neighbour."""
+    filled = [not all(is_blank(cell) for cell in column) for column in table.columns]
+    needed = max((i for i, some in enumerate(filled, start=1) if some), default=0)
+    if needed <= len(names) <= len(filled):
+        return
+    raise MeasurementError(
+        f"the header has {many(len(names), 'name')}, the rows have {many(needed, 'column')}",
+        file=path,
+        row=line,
+        expected="a name for each column",
+        remedy="complete the header or the rows, so that each name stands over its numbers",
+    )
 
 
 def _are_units(cells: Sequence[str]) -> bool:
     """Whether a row states units and no name."""
     named = any(_name_of(cell)[0] is not None for cell in cells)
     return not named and any(cells) and all(_is_unit(cell) for cell in cells)
-
-
-T = TypeVar("T")
-
-
-def _padded(cells: Sequence[T], width: int, fill: T) -> list[T]:
-    return [*cells[:width], *[fill] * (width - len(cells))]
 
 
 def _text(cell: object) -> str:
@@ -461,7 +499,7 @@ def _name_of(header: str) -> tuple[str | None, str | None, float | None, bool]:
     quantity = _quantity(text)
     if quantity is not None or _key(text) in ANGULAR:
         return quantity or "frequency", None, frequency, _key(text) in ANGULAR
-    for pattern in (_BRACKETED, _SLASHED, _SUFFIXED):
+    for pattern in (_BRACKETED, _SLASHED, _SUFFIXED, _SPACED):
         match = pattern.fullmatch(text)
         if not match:
             continue
@@ -498,6 +536,28 @@ def _known(
     if quantity == "frequency" and (angular or said in ("rad/s", "1/s rad", "rad s^-1")):
         return quantity, "rad/s", frequency, True
     return quantity, said, frequency, False
+
+
+def _without_second(
+    known: Sequence[tuple[str, str | None, float | None, bool] | None],
+) -> list[tuple[str, str | None, float | None, bool] | None]:
+    """Without the angular frequency where the frequency is stated, too."""
+    plain = any(found is not None and found[0] == "frequency" and not found[3] for found in known)
+    return [None if plain and found is not None and found[3] else found for found in known]
+
+
+def _readable(unit: str, quantity: str, name: str, options: DmtaOptions, path: Path) -> str:
+    """The unit of a column, or what was said where the file states none of its kind."""
+    try:
+        convert(1.0, unit, UNITS[quantity], what=name)
+    except QuantityError as error:
+        if quantity in options.units:
+            return _PLAIN.get(options.units[quantity], options.units[quantity])
+        said = f'say it: --unit "{quantity}={"MPa" if UNITS[quantity] == "Pa" else UNITS[quantity]}"'
+        raise QuantityError(
+            error.found, file=path, column=name, expected=error.expected, remedy=f"{error.remedy}; or {said}"
+        ) from None
+    return unit
 
 
 def _refuse_twice(

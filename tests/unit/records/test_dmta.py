@@ -301,3 +301,113 @@ def test_a_frequency_that_no_rig_has_is_refused_with_its_row(tmp_path: Path, val
     with pytest.raises(SmaBayesError, match="row 6") as refused:
         read_dmta([path])
     assert told in str(refused.value)
+
+
+def test_trios_states_the_angular_frequency_beside_the_frequency(tmp_path: Path) -> None:
+    head = ["[step]", "Temperature Ramp - 1",
+            "Angular frequency,Step time,Temperature,Tan(delta),Storage modulus,Loss modulus,Frequency",
+            "rad/s,s,°C,,MPa,MPa,Hz"]  # fmt: skip
+    body = [
+        f"6.28319,{10 * i},{r}" for i, r in enumerate(rows(ident, tan, in_mpa(storage), in_mpa(loss), None))
+    ]
+    require_known(read_dmta([write(tmp_path / "strip.csv", [*head, *body])]))
+
+
+@pytest.mark.parametrize(
+    ("names", "told"),
+    [
+        (
+            "Temperature,Tan(delta),Storage modulus,Loss modulus",
+            "the header has 4 names, the rows have 3 columns",
+        ),
+        ("Temperature,Storage modulus", "the header has 2 names, the rows have 3 columns"),
+    ],
+)
+def test_names_that_do_not_fit_the_columns_are_refused(tmp_path: Path, names: str, told: str) -> None:
+    """A column that the rows lack, or that has no name, would shift the others to the names of their neighbours."""
+    units = {"Tan(delta)": ""}
+    under = ",".join(units.get(n, "°C" if n == "Temperature" else "MPa") for n in names.split(","))
+    path = write(
+        tmp_path / "gap.csv", ["Operator,x", names, under, *rows(ident, in_mpa(storage), in_mpa(loss))]
+    )
+    with pytest.raises(MeasurementError, match=rf"row 2: {told}"):
+        read_dmta([path])
+
+
+def test_signals_that_do_not_fit_the_columns_are_refused(tmp_path: Path) -> None:
+    signals = ("Temperature (°C)", "Tan Delta", "Storage Modulus (MPa)", "Loss Modulus (MPa)")
+    head = ["Nsig\t4", *(f"Sig{i}\t{name}" for i, name in enumerate(signals, start=1)), "StartOfData"]
+    body = rows(ident, in_mpa(storage), in_mpa(loss), delimiter="\t")
+    with pytest.raises(MeasurementError, match="the header has 4 names, the rows have 3 columns"):
+        read_dmta([write(tmp_path / "q800.txt", [*head, *body], "utf-16")])
+
+
+def test_names_stand_over_columns_that_a_spreadsheet_padded(tmp_path: Path) -> None:
+    head = ["Operator,x,,,,", "Temperature,Storage modulus,Loss modulus,Frequency,,", "°C,MPa,MPa,Hz,,"]
+    body = [r + ",," for r in rows(ident, in_mpa(storage), in_mpa(loss), None)]
+    require_known(read_dmta([write(tmp_path / "padded.csv", [*head, *body])]))
+
+
+def test_rheocompass_begins_its_rows_with_an_empty_cell(tmp_path: Path) -> None:
+    head = ["Project:\tstrip", "Interval data:\tPoint No.\tTemperature\tStorage Modulus\tLoss Modulus\tFrequency",
+            "\t\t\t\t\t", "\t\t[°C]\t[MPa]\t[MPa]\t[Hz]"]  # fmt: skip
+    body = rows(ident, in_mpa(storage), in_mpa(loss), None, delimiter="\t")
+    lines = [*head, *(f"\t{i}\t{r}" for i, r in enumerate(body, start=1))]
+    require_known(read_dmta([write(tmp_path / "anton.csv", lines, "utf-16")]))
+
+
+def test_stare_writes_results_below_the_data(tmp_path: Path) -> None:
+    head = ["Curve Name:", "  strip", "Curve Values:", "Index   Ts   M'   M''   tan delta   f",
+            "[#] [°C] [MPa] [MPa] [] [Hz]"]  # fmt: skip
+    body = rows(ident, in_mpa(storage), in_mpa(loss), tan, None, delimiter=" ")
+    lines = [*head, *(f"{i} {r}" for i, r in enumerate(body)), "", "Results:", "Sample:", "  NiTi, 12.30 mg"]
+    found = read_dmta([write(tmp_path / "stare.txt", lines)])
+    require_known(found)
+    assert [(f.kind, f.rows, f.count) for f in found.findings if f.kind == "below"] == [
+        ("below", (107, 108, 109), 3)
+    ]
+
+
+def test_nothing_is_said_to_be_declared_of_steps(tmp_path: Path) -> None:
+    step = ["Temperature,Storage modulus,Frequency", "°C,MPa,Hz", *rows(ident, in_mpa(storage), None)]
+    found = read_dmta(
+        [write(tmp_path / "two.csv", ["[step]", "first", *step, "", "[step]", "second", *step])]
+    )
+    assert [s.id for s in found.sweeps][::2] == ["two-first-1Hz-heating", "two-second-1Hz-heating"]
+    assert not [f for f in found.findings if "declared" in f.message]
+
+
+@pytest.mark.parametrize("sign", ["℃", "Cel", "deg C", "Celsius"])
+def test_degrees_are_written_in_many_ways(tmp_path: Path, sign: str) -> None:
+    head = [f"Temp. ({sign}),E' (MPa),E'' (MPa),Freq. (Hz)"]
+    require_known(
+        read_dmta([write(tmp_path / "a.csv", [*head, *rows(ident, in_mpa(storage), in_mpa(loss), None)])])
+    )
+    head = ["Temp.,E',E'',Freq.", f"{sign},MPa,MPa,Hz"]
+    require_known(
+        read_dmta([write(tmp_path / "b.csv", [*head, *rows(ident, in_mpa(storage), in_mpa(loss), None)])])
+    )
+
+
+def test_a_unit_may_follow_the_name_after_a_blank(tmp_path: Path) -> None:
+    head = ["Sample Temp. °C,Storage Modulus Pa,Loss Modulus Pa,Frequency Hz"]
+    require_known(read_dmta([write(tmp_path / "p.csv", [*head, *rows(ident, storage, loss, None)])]))
+
+
+def test_a_unit_that_is_garbled_is_said(tmp_path: Path) -> None:
+    """The sign of a degree of another code page."""
+    path = write(
+        tmp_path / "n.csv", ["##Temp./\x9bC;E'(1.000 Hz)/MPa", *rows(ident, in_mpa(storage), delimiter=";")]
+    )
+    with pytest.raises(QuantityError, match='--unit "temperature=degC"'):
+        read_dmta([path])
+    sweep = read_dmta([path], DmtaOptions(units={"temperature": "degC"})).sweeps[0]
+    assert sweep.storage.temperature.min() == 0.0
+
+
+def test_a_unit_that_the_file_states_is_kept(tmp_path: Path) -> None:
+    path = write(tmp_path / "n.csv", ["temperature_C,storage_modulus_MPa", *rows(ident, in_mpa(storage))])
+    sweep = read_dmta([path], DmtaOptions(units={"storage_modulus": "Pa"})).sweeps[0]
+    np.testing.assert_allclose(
+        sweep.storage.observed["stiffness"], storage(sweep.storage.temperature), rtol=1e-5
+    )
