@@ -113,11 +113,32 @@ class Bar:
         self.update(done, total, message[:BAR_CHARACTERS])
 
 
+@dataclass(frozen=True, slots=True)
+class StepOf:
+    """Progress of one step of several, told with its name and in the way of the whole.
+
+    Attributes
+    ----------
+    whole : callable
+        Progress of all steps.
+    name : str
+    """
+
+    whole: Progress
+    name: str
+
+    def __call__(self, done: int, total: int, message: str) -> None:
+        """Tell what a step does."""
+        self.whole(done, total, f"{self.name}: {message}")
+
+
 def announce(progress: Progress, seconds: float, what: str) -> None:
     """Tell before a run what it is expected to take, where that is more than `NOTED_S`."""
     if seconds <= NOTED_S:
         return
     text = f"{what}: about {duration(seconds)}, give or take a factor of three"
+    while isinstance(progress, StepOf):
+        text, progress = f"{progress.name}: {text}", progress.whole
     if isinstance(progress, LogLines):
         progress.note(text)
     elif isinstance(progress, Bar):
@@ -171,6 +192,8 @@ def log_lines(every: float = LINE_S, *, tasks: bool = True) -> Iterator[LogLines
 
 def lines_inside(progress: Progress) -> float | None:
     """How often a task tells of itself by log lines [s]; None where nobody is told."""
+    while isinstance(progress, StepOf):
+        progress = progress.whole
     return progress.every if isinstance(progress, LogLines | Bar) else None
 
 

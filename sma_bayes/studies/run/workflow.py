@@ -15,7 +15,7 @@ from sma_bayes.assess.bands import band_channels
 from sma_bayes.errors import ResumeError, SmaBayesError, StudyError, require_known
 from sma_bayes.fitting.fit_records import AUTO
 from sma_bayes.noise import NOISE_MODELS
-from sma_bayes.progress import Progress, silent
+from sma_bayes.progress import Progress, StepOf, silent
 from sma_bayes.quantities import convert, number_and_unit
 from sma_bayes.records.campaign import read_campaign
 from sma_bayes.records.types import Campaign
@@ -250,11 +250,16 @@ def _result(step: _Step, before: Sequence[StatedStep], tell: Progress, *, strict
     failed = next((r for r in before if r.step == step.needs and r.exit_status == WRONG), None)
     if failed:
         return _stated(step, SKIPPED, WRONG, 0.0, error=f"{failed.step} failed")
+    of_step = StepOf(tell, step.name)
+    of_step(0, 1, "begins")
     try:
-        found = step.run(lambda done, total, message: tell(done, total, f"{step.name}: {message}"))
-    except ResumeError:  # options were changed under results that are there: the call is wrong, not the step
-        raise
+        found = step.run(of_step)
+    except ResumeError as error:  # options were changed under results: the call is wrong, not the step
+        raise error.but(
+            remedy=f"run [{step.name}] with what it was run with before, or remove this folder to run it anew"
+        ) from None
     except SmaBayesError as error:
+        of_step(1, 1, "failed")
         return _stated(step, STATUS[WRONG], WRONG, time.perf_counter() - clock, error=str(error))
     status = DONE if found["converged"] else NOT_CONVERGED
     word = STATUS[status]

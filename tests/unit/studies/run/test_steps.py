@@ -7,11 +7,12 @@ import sys
 from inspect import signature
 from pathlib import Path
 
+import numpy as np
 import pytest
 
 import sma_bayes.studies.registry
 from sma_bayes.catalogue import Catalogue
-from sma_bayes.errors import StudyError
+from sma_bayes.errors import ResumeError, StudyError
 from sma_bayes.studies.fit.workflow import fit_campaign
 from sma_bayes.studies.registry import VERBS, study_steps
 from sma_bayes.studies.run.workflow import run_study
@@ -88,6 +89,38 @@ def test_a_verb_of_another_package_is_a_step(counting: Path) -> None:
     assert (step["step"], step["status"], step["summary"]) == ("count", "done", "counted/count.json")
     assert step["told"] == "2 of 3 records"
     assert json.loads((counting / "results" / "study.json").read_text(encoding="utf-8")) == found
+
+
+def test_a_step_is_told_where_it_begins_and_where_it_fails(counting: Path) -> None:
+    """The step before it, which has nothing more to do, would be told for as long as the next one is silent."""
+    study = counting / "study.toml"
+    study.write_text(STUDY.format("loop.csv", 3) + "\n[cycles]\n", encoding="utf-8")
+    told: list[str] = []
+    run_study(study, progress=lambda done, total, message: told.append(f"{done} of {total}: {message}"))
+    assert told == [
+        "0 of 1: cycles: begins", "1 of 1: cycles: failed", "0 of 1: count: begins",
+    ]  # fmt: skip
+
+
+def test_a_step_that_was_changed_says_which_folder_to_remove(counting: Path) -> None:
+    study = counting / "study.toml"
+    text = (
+        STUDY.format("loop.csv", 3).partition("[count]")[0]
+        + '[modulus]\nfiles = ["strip.csv"]\nat = ["{} degC"]\n'
+    )
+    temperature = np.linspace(20.0, 80.0, 40)
+    modulus = 30.0 + 40.0 / (1.0 + np.exp(50.0 - temperature))
+    rows = "".join(f"{t:.3f},{e:.3f}\n" for t, e in zip(temperature, modulus, strict=True))
+    (counting / "strip.csv").write_text(f"temperature_C,storage_modulus_GPa\n{rows}", encoding="utf-8")
+    study.write_text(text.format(30) + 'model = "bounded_logistic"\n', encoding="utf-8")
+    run_study(study)
+    study.write_text(text.format(40) + 'model = "bounded_logistic"\n', encoding="utf-8")
+    with pytest.raises(ResumeError, match=r"results.modulus: holds a run that differs in at") as error:
+        run_study(study, resume=True)
+    assert (
+        error.value.remedy
+        == "run [modulus] with what it was run with before, or remove this folder to run it anew"
+    )
 
 
 def test_what_such_a_verb_refuses_is_told_with_its_key(counting: Path) -> None:
