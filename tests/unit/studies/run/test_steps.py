@@ -7,7 +7,6 @@ import sys
 from inspect import signature
 from pathlib import Path
 
-import numpy as np
 import pytest
 
 import sma_bayes.studies.registry
@@ -19,7 +18,7 @@ from sma_bayes.studies.run.workflow import run_study
 
 COUNT = '''"""Counts records."""
 
-from sma_bayes.errors import SmaBayesError
+from sma_bayes.errors import ResumeError, SmaBayesError
 from sma_bayes.runs.documents import Document
 from sma_bayes.studies.study_step import DrawnTable, StudyStep
 
@@ -31,6 +30,8 @@ class CountTable(DrawnTable):
 
 
 def count(campaign, *, out, most, progress, resume, figures):
+    if out.exists():
+        raise ResumeError("holds another run", file=out, remedy="choose another --out")
     out.mkdir()
     return {"schema": "count/1", "converged": True, "records": len(campaign.records), "most": most}
 
@@ -104,22 +105,13 @@ def test_a_step_is_told_where_it_begins_and_where_it_fails(counting: Path) -> No
 
 def test_a_step_that_was_changed_says_which_folder_to_remove(counting: Path) -> None:
     study = counting / "study.toml"
-    text = (
-        STUDY.format("loop.csv", 3).partition("[count]")[0]
-        + '[modulus]\nfiles = ["strip.csv"]\nat = ["{} degC"]\n'
-    )
-    temperature = np.linspace(20.0, 80.0, 40)
-    modulus = 30.0 + 40.0 / (1.0 + np.exp(50.0 - temperature))
-    rows = "".join(f"{t:.3f},{e:.3f}\n" for t, e in zip(temperature, modulus, strict=True))
-    (counting / "strip.csv").write_text(f"temperature_C,storage_modulus_GPa\n{rows}", encoding="utf-8")
-    study.write_text(text.format(30) + 'model = "bounded_logistic"\n', encoding="utf-8")
+    study.write_text(STUDY.format("loop.csv", 3), encoding="utf-8")
     run_study(study)
-    study.write_text(text.format(40) + 'model = "bounded_logistic"\n', encoding="utf-8")
-    with pytest.raises(ResumeError, match=r"results.modulus: holds a run that differs in at") as error:
+    with pytest.raises(ResumeError, match=r"results.counted: holds another run") as error:
         run_study(study, resume=True)
     assert (
         error.value.remedy
-        == "run [modulus] with what it was run with before, or remove this folder to run it anew"
+        == "run [count] with what it was run with before, or remove this folder to run it anew"
     )
 
 
