@@ -67,6 +67,9 @@ SAME_FREQUENCY: Final = 3
 """Significant digits in which frequencies of one test agree."""
 MOST_FREQUENCIES: Final = 60
 FEWEST_ROWS: Final = 10
+AS_EXPORTED: Final = frozenset({"cut", "header", "preamble"})
+"""Findings about a table that are told of no export: each has lines above its data, and nobody declared where a step
+ends."""
 LABEL: Final = 40
 """Characters of the name of a file, step or sheet that become part of the names of files."""
 
@@ -304,7 +307,7 @@ def _tests(path: Path, stem: str, options: DmtaOptions, left_out: list[str]) -> 
                 raise
             left_out.append(f"{name}: no table of temperature and storage modulus")
             continue
-        seen = [f for f in table.findings if f.kind != "cut"]  # nobody declared where a step ends
+        seen = [f for f in table.findings if f.kind not in AS_EXPORTED]
         if below.size:
             message = f"{many(below.size, 'line')} below the data, left out"
             seen.append(rows_finding("below", message, below))

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import re
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,8 @@ import numpy as np
 import pytest
 
 import sma_bayes
+from sma_bayes.report.notation import interval_text
+from sma_bayes.studies.modulus.terminal import show_modulus
 
 MODELS = ("--model", "bounded_logistic", "--loss-model", "modulus_peak")
 PEAK = {0.1: 46.0, 1.0: 50.0, 10.0: 54.0}
@@ -73,6 +76,46 @@ def test_the_document_is_as_published_and_every_file_is_there(
     true = 28e9 + 38e9 / (1.0 + np.exp(-0.25 * (t - 50.0)))
     assert low - (high - low) < true < high + (high - low)
     assert not (out / "parts").exists()
+
+
+def test_findings_about_the_measurements_are_told(
+    run: Callable[..., Any], out: Path, tmp_path: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    found = found_in(out)
+    blank = {"file": "strip.csv", "rows": [], "count": 1, "dropped": 0}
+    blank |= dict.fromkeys(("condition", "branch", "column"), "")
+    found["findings"] = [
+        {"kind": "implausible", "message": "a modulus of 30 kPa", "severity": "serious", **blank},
+        {"kind": "encoding", "message": "was read as cp1252", "severity": "look", **blank},
+        {"kind": "quantised", "message": "steps of 0.1", "severity": "note", **blank},
+    ]
+    show_modulus(found, out)
+    shown = capfd.readouterr().out
+    assert "SERIOUS: strip.csv: a modulus of 30 kPa\nstrip.csv: was read as cp1252\n" in shown
+    assert "steps of 0.1" not in shown
+    folder = tmp_path / "again"
+    shutil.copytree(out, folder)
+    (folder / "modulus.json").write_text(json.dumps(found), encoding="utf-8")
+    assert run("report", folder, "--quiet").status == 0
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert "strip.csv: a modulus of 30 kPa" in page
+    assert "strip.csv: was read as cp1252" in page
+
+
+@pytest.mark.parametrize("columns", ["80", "160"])
+def test_no_sweep_is_shortened_on_the_terminal(
+    out: Path, capsys: pytest.CaptureFixture[str], monkeypatch: pytest.MonkeyPatch, columns: str
+) -> None:
+    monkeypatch.setattr("sys.stdout.isatty", lambda: columns == "80")
+    monkeypatch.setenv("COLUMNS", columns)
+    found = found_in(out)
+    show_modulus(found, out)
+    shown = capsys.readouterr().out
+    for s in found["sweeps"]:
+        (line,) = (t for t in shown.splitlines() if s["id"] in t)
+        if columns == "160":
+            (middle,) = (t for t in s["temperatures"] if t["name"] == "midpoint")
+            assert interval_text(middle["median"], middle["q05"], middle["q95"]) in line
 
 
 def test_temperatures_and_shift_are_those_of_the_alloy(out: Path) -> None:

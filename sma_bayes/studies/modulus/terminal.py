@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
-from rich.table import Table
+from rich.table import Column, Table
 
 from sma_bayes.errors import many
 from sma_bayes.quantities import unit_text
@@ -21,30 +21,39 @@ def show_modulus(told: Mapping[str, Any], out: Path) -> None:
     found = in_declared_units(ModulusDocument.model_validate(told))
     console = screen()
     console.tell(f"{many(len(found.sweeps), 'sweep')}, seed {found.seed}")
-    console.print(_table(found))
+    for branch in dict.fromkeys(s.branch for s in found.sweeps):
+        console.print(_table(found, branch))
     for text in dict.fromkeys(s.statement for s in found.shifts if s.shift is not None):
-        branch = next(s.branch for s in found.shifts if s.statement == text)
-        console.tell(f"{branch}, {text}")
+        shifted = next(s.branch for s in found.shifts if s.statement == text)
+        console.tell(f"{shifted}, {text}")
     for b in found.by_frequency:
         f = b.factor
         console.tell(
             f"{b.branch}, storage modulus at {b.at:.6g} {unit_text(found.temperature_unit)}: times "
             f"{interval_text(f.median, f.q05, f.q95)} per decade of frequency"
         )
+    doubtful = [finding for finding in found.findings if finding.severity != "note"]
+    console.tell(
+        *(
+            f"{'SERIOUS: ' if finding.severity == 'serious' else ''}{finding.file}: {finding.message}"
+            for finding in doubtful[:SHOWN]
+        )
+    )
     console.tell(*(*found.declared_differently, *found.remarks, *(f"left out {t}" for t in found.left_out)))
     if not found.converged:
         console.tell("NOT CONVERGED: the numbers must not be relied on; another `--seed` may help.")
     show_end(console, told, out)
 
 
-def _table(found: ModulusDocument) -> Table:
-    names = list(dict.fromkeys(t.name for s in found.sweeps for t in s.temperatures if t.identified))
-    title = f"temperatures [{unit_text(found.temperature_unit)}]: median (90 %)"
-    table = titled(title, "sweep", *(numbers(name.replace("_", " ")) for name in names))
-    for s in found.sweeps[:SHOWN]:
+def _table(found: ModulusDocument, branch: str) -> Table:
+    sweeps = [s for s in found.sweeps if s.branch == branch]
+    names = list(dict.fromkeys(t.name for s in sweeps for t in s.temperatures if t.identified))
+    title = f"{branch}, temperatures [{unit_text(found.temperature_unit)}]: median (90 %)"
+    table = titled(title, Column("sweep", no_wrap=True), *(numbers(name.replace("_", " ")) for name in names))
+    for s in sweeps[:SHOWN]:
         table.add_row(s.id, *(_cell(s, name) for name in names))
-    if len(found.sweeps) > SHOWN:
-        table.add_row(f"and {len(found.sweeps) - SHOWN} more", *("" for _ in names))
+    if len(sweeps) > SHOWN:
+        table.add_row(f"and {len(sweeps) - SHOWN} more", *("" for _ in names))
     return table
 
 

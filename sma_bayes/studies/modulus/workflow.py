@@ -22,6 +22,7 @@ from sma_bayes.progress import Progress, silent
 from sma_bayes.quantities import unit_text
 from sma_bayes.records.dmta import DeclaredDamping, DmtaCampaign, DmtaOptions, DmtaSweep, read_dmta
 from sma_bayes.report.choice import REPORT, figures_for
+from sma_bayes.report.notation import compact
 from sma_bayes.response import AUTO_MODEL, LOSS_LADDER, STORAGE_LADDER, ResponseModel
 from sma_bayes.runs.declared_units import ShownUnit, declared_parts
 from sma_bayes.runs.documents import MODULUS
@@ -302,14 +303,15 @@ def _shift(branch: str, name: str, points: Sequence[ShiftPoint], degrees: ShownU
     if found.energy is None:
         told = (
             f"{title}: shift of {shift}; the interval holds zero, at which the apparent activation energy is infinite: "
-            f"it is not identified, above {found.least / 1e3:.2g} kJ/mol if positive (95 %)"
+            f"it is not identified, above {compact(found.least / 1e3)} kJ/mol if positive (95 %)"
         )
     else:
-        e05, e50, e95 = (e / 1e3 for e in found.energy)
+        low, middle, high = (e / 1e3 for e in found.energy)
         told = (
-            f"{title}: shift of {shift}; apparent activation energy {e50:.3g} kJ/mol ({e05:.3g} to {e95:.3g})"
+            f"{title}: shift of {shift}; apparent activation energy {compact(middle)} kJ/mol "
+            f"({compact(low)} to {compact(high)})"
         )
-        if e50 < 0.0:
+        if middle < 0.0:
             told += ": the temperature falls with frequency, as no thermally activated process does"
     return untold.but(
         shift=_interval(found.shift),
