@@ -15,6 +15,7 @@ import pytest
 
 import sma_bayes
 from sma_bayes.report.notation import interval_text
+from sma_bayes.runs.documents import sealed
 from sma_bayes.studies.modulus.terminal import show_modulus
 
 MODELS = ("--model", "bounded_logistic", "--loss-model", "modulus_peak")
@@ -95,7 +96,7 @@ def test_findings_about_the_measurements_are_told(
     assert "steps of 0.1" not in shown
     folder = tmp_path / "again"
     shutil.copytree(out, folder)
-    (folder / "modulus.json").write_text(json.dumps(found), encoding="utf-8")
+    (folder / "modulus.json").write_text(json.dumps(sealed(found)), encoding="utf-8")
     assert run("report", folder, "--quiet").status == 0
     page = (folder / "report.html").read_text(encoding="utf-8")
     assert "strip.csv: a modulus of 30 kPa" in page
