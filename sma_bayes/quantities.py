@@ -95,9 +95,11 @@ _NOT_A_UNIT: Final = (
 
 _MEANT: Final = {
     ("c", "degC"): "degC", ("celsius", "degC"): "degC", ("deg c", "degC"): "degC", ("f", "degC"): "degF",
-    ("g", "N"): "gf", ("gram", "N"): "gf", ("kg", "N"): "kgf",
+    ("℃", "degC"): "degC", ("ºc", "degC"): "degC", ("newton", "N"): "N", ("kpa", "Pa"): "kPa", ("mpa", "Pa"): "MPa",
+    ("gpa", "Pa"): "GPa", ("g", "N"): "gf", ("gram", "N"): "gf", ("kg", "N"): "kgf",
 }  # fmt: skip
-"""What is meant by a unit that is another quantity's: C is the coulomb, F the farad, g a mass and no weight."""
+"""What is meant by a unit that is another quantity's (C is the coulomb, F the farad, g a mass and no weight), or
+spelt as it often is."""
 
 
 @lru_cache(maxsize=1)

@@ -113,6 +113,22 @@ def test_text_that_is_no_unit_is_refused(unit: str) -> None:
         convert(1.0, unit, "N")
 
 
+@pytest.mark.parametrize(
+    ("unit", "to", "meant"),
+    [
+        ("Newton", "N", "N"),
+        ("Mpa", "Pa", "MPa"),
+        ("GPA", "Pa", "GPa"),
+        ("℃", "degC", "degC"),
+        ("ºC", "degC", "degC"),
+    ],
+)
+def test_a_unit_as_people_write_it_is_told_as_it_has_to_be(unit: str, to: str, meant: str) -> None:
+    with pytest.raises(QuantityError) as error:
+        convert(1.0, unit, to)
+    assert error.value.remedy == f"did you mean '{meant}'?"
+
+
 @pytest.mark.parametrize(("unit", "to"), [("s", "N"), ("m", "N/m"), ("N", "Pa"), ("degC", "s")])
 def test_a_unit_of_the_wrong_kind_is_refused(unit: str, to: str) -> None:
     with pytest.raises(QuantityError, match=f"unit '{unit}' of the load is of the wrong kind"):

@@ -73,7 +73,11 @@ def publication_figures(
 
 def _inches(text: str) -> float:
     number, unit = number_and_unit(text, what="--figure-width")
-    width = float(convert(number, unit or "1", "mm", what="--figure-width"))
+    if not unit:
+        raise SmaBayesError(
+            f"--figure-width {text!r} has no unit", expected="a width with its unit, such as '85mm'"
+        )
+    width = float(convert(number, unit, "mm", what="--figure-width"))
     if not LEAST <= width <= WIDEST:
         raise SmaBayesError(
             f"--figure-width {text!r}", expected=f"a width from {LEAST:g} to {WIDEST:g} mm, such as '85mm'"

@@ -56,8 +56,8 @@ def test_a_figure_has_no_title_and_names_what_it_shows(run_copy: Path, tmp_path:
 @pytest.mark.parametrize(
     ("width", "options", "message"),
     [
-        ("85", {}, "unit"),
         ("2 mm", {}, "--figure-width '2 mm'"),
+        ("85", {}, "--figure-width '85' has no unit\nexpected: a width with its unit, such as '85mm'"),
         ("85 mm", {"conditions": ["200g"]}, "no condition '200g'"),
         ("85 mm", {"formats": ["eps"]}, "no format"),
         ("85 mm", {"style": Path("missing.mplstyle")}, "style"),
