@@ -35,23 +35,34 @@ file = "bench.csv"
 
 
 def write_cycles(
-    folder: Path, spring: ModuleType, truth: Any, *, cycles: int = CYCLES, up: bool = True
+    folder: Path,
+    spring: ModuleType,
+    truth: Any,
+    *,
+    cycles: int = CYCLES,
+    channels: tuple[str, ...] = ("force", "displacement"),
+    noise: float = 0.002,
 ) -> Path:
     """A campaign of a spring that trains, heating and cooling in turn."""
-    heating, cooling = spring.measured(truth, np.random.default_rng(8), ("force", "displacement"), 0.002)
-    lines, time = ["time_s,temperature_C,force_N,displacement_mm,cycle,branch"], 0.0
+    heating, cooling = spring.measured(truth, np.random.default_rng(8), channels, noise)
+    columns = {c: {"force": "force_N", "displacement": "displacement_mm"}[c] for c in channels}
+    lines, time = [",".join(["time_s", "temperature_C", *columns.values(), "cycle", "branch"])], 0.0
     for cycle in range(1, cycles + 1):
         for record in (heating, cooling):
             own = np.flatnonzero(record.inputs["cycle"] == cycle)
             for i in own:
                 time += 1.0
-                force, displacement = record.observed["force"][i], 1000.0 * record.observed["displacement"][i]
-                lines.append(
-                    f"{time:g},{record.temperature[i]:.4f},{force:.6g},{displacement:.6g},{cycle},{record.branch}"
-                )
+                read = [(1.0 if c == "force" else 1000.0) * record.observed[c][i] for c in channels]
+                values = ",".join(f"{v:.6g}" for v in read)
+                lines.append(f"{time:g},{record.temperature[i]:.4f},{values},{cycle},{record.branch}")
     folder.mkdir(parents=True, exist_ok=True)
     (folder / "bench.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
-    (folder / "campaign.toml").write_text(TOML, encoding="utf-8")
+    declared = [
+        line
+        for line in TOML.splitlines()
+        if line.split(" =")[0] not in {"force", "displacement"} - {*channels}
+    ]
+    (folder / "campaign.toml").write_text("\n".join(declared) + "\n", encoding="utf-8")
     return folder
 
 
@@ -154,6 +165,35 @@ def test_later_sweeps_are_in_their_predictive_intervals(
         told += true.size
     assert told == 40
     assert missed <= 12
+
+
+@pytest.mark.parametrize("share", [0.05, 0.02, 0.0])
+def test_a_stroke_that_anyone_sees_grow_follows_a_law(
+    tmp_path: Path, training_spring: ModuleType, share: float
+) -> None:
+    """Five cycles of 20 mm, readings to 0.01 mm: the stroke grows by 5 % or 2, N0 = 1.5, and nothing else moves.
+
+    Of 2 % five cycles do not tell an exponential from a stretched one.
+    """
+    grows = np.log1p(share) * (1.0 - np.exp(-np.arange(5.0) / 1.5))
+    numbers = {branch: np.outer(grows, [0.0, 1.0, 0.0, 0.0]) for branch in Branch}
+    truth = training_spring.Truth(numbers, numbers)
+    folder = write_cycles(
+        tmp_path / "bench", training_spring, truth, cycles=5, channels=("displacement",), noise=0.0005
+    )
+    found = sma_bayes.cycles(sma_bayes.read_campaign(folder), tmp_path / "out", jobs=1, figures=False)
+    (one,) = found["conditions"]
+    if not share:
+        assert one["law"]["chosen"] == "none"
+        return
+    assert one["law"]["chosen"] in ("exponential", *(["stretched"] if share < 0.05 else []))
+    assert one["law"]["n0"]["q05"] < 1.5 < one["law"]["n0"]["q95"]
+    for change in one["changes"]:
+        if change["number"] == "stroke":
+            assert change["probability"] > 0.9
+            assert change["q05"] < grows[-1] < change["q95"]
+        else:
+            assert change["probability"] < 0.5
 
 
 def test_the_terminal_tells_the_same_and_closes_with_a_sentence(

@@ -7,17 +7,29 @@ A number of sweep ``i``, such as its shift, was found to be ``y_i`` with the sta
 with a law ``x``, which all numbers of a condition share with its one ``N0``, a random walk ``w`` whose first step has
 the standard deviation ``omega``, a random effect ``u_i`` of the sweep with ``tau``, and the error ``e_i``. The walk
 goes with the cycle, or with its logarithm, so that what a law misses early is not expected again later. Without a law
-the rest is free to change with every sweep, by chance or along a walk, and a law has to beat that. ``b`` is nought with
-probability 1/2, number by number.
+the rest is free to change with every sweep, by chance or along a walk, and a law has to beat that.
 
-Given ``N0``, ``tau`` and ``omega`` all else is normal and is integrated exactly; these are on grids. So the evidence of
-each law is a sum, and draws are exact up to the grids.
+A law acts on some numbers and leaves the others as they are (``b = 0``). Training may be seen in one kind of number
+alone, such as the stroke: how many kinds move is integrated out (`movers`). Numbers of one kind, those of heating and
+cooling, are no independent witnesses, as a spring that wanders does so in both: the evidence of a kind is the mean of
+theirs, which holds however they depend on each other. Nor is it known how large changes are: ``b`` is normal, and its
+standard deviation on a grid that goes from all that a spring can change by to a thirtieth of that, since a width that
+is far too great takes evidence from what is small and clear (Bartlett).
+
+How well a spring repeats in its rig is told by all numbers together: half-Cauchy priors of ``tau`` and ``omega`` have
+a scale in common, and the share of numbers that walk is one for all, both on grids.
+
+Given ``N0``, ``tau``, ``omega`` and the size of ``b`` all else is normal and is integrated exactly; these are on grids.
+So the evidence of each law is a sum, and draws are exact up to the grids.
 
 References
 ----------
 A. Gelman et al., Bayesian Data Analysis, 3rd ed. (2013), ch. 5 (partial pooling); A. Gelman, Bayesian Anal. 1 (2006)
-515 (half-Cauchy priors of standard deviations of effects); G. Williams and D. C. Watts, Trans. Faraday Soc. 66 (1970)
-80 (stretched exponential); A. G. Journel and C. J. Huijbregts, Mining Geostatistics (1978), ch. VII (draws of a normal
+515 (half-Cauchy priors of standard deviations of effects); J. G. Scott and J. O. Berger, Ann. Stat. 38 (2010) 2587
+(which ones move, where there are many); V. Vovk and R. Wang, Ann. Stat. 49 (2021) 1736 (means of evidence that is not
+independent); M. S. Bartlett, Biometrika 44 (1957) 533 (evidence and the width of a prior); F. Liang et al., J. Am.
+Stat. Assoc. 103 (2008) 410 (mixtures of widths); G. Williams and D. C. Watts, Trans. Faraday Soc. 66 (1970) 80
+(stretched exponential); A. G. Journel and C. J. Huijbregts, Mining Geostatistics (1978), ch. VII (draws of a normal
 process made conditional by a correction of unconditional ones).
 """
 
@@ -26,13 +38,15 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
+from itertools import product
 from typing import Final
 
 import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 from scipy.special import logsumexp
 
-from sma_bayes.arrays import Floats, Ints
+from sma_bayes.arrays import Bools, Floats, Ints
+from sma_bayes.studies.cycles.movers import Movers
 from sma_bayes.studies.cycles.schema import Law
 
 NONE: Final = "none"
@@ -48,10 +62,18 @@ PACES: Final = np.geomspace(0.3, 300.0, 33)
 USUAL_PACE: Final = 5.0
 PACE_SD: Final = 1.2
 """Standard deviation of the prior of ln N0 about that of `USUAL_PACE`: 90 % between 0.7 and 36 cycles."""
-SCATTERS: Final = np.geomspace(0.02, 50.0, 12)
-"""Standard deviations of the effect of a sweep on the grid [usual ones]."""
-STEPS: Final = np.geomspace(0.02, 10.0, 7)
-"""First steps of the walk on the grid [usual scatter]; no walk has half the prior, either clock a quarter."""
+SIZES: Final = np.array([1.0, 0.3, 0.1, 0.03])
+"""Standard deviations of the change by a law on the grid [usual changes], equally probable."""
+SCATTERS: Final = np.geomspace(0.002, 50.0, 12)
+"""Standard deviations of the effect of a sweep on the grid [usual ones]; the least are below what any rig tells."""
+STEPS: Final = np.geomspace(0.003, 10.0, 8)
+"""First steps of the walk on the grid [usual scatter], by either clock."""
+SCALES: Final = (1.0, 0.3, 0.1, 0.03, 0.01)
+"""About which scatter and steps of all numbers are [usual ones]."""
+WALKING: Final = (0.1, 0.5, 0.9)
+"""Shares of the numbers that walk; each clock has half of these."""
+RIGS: Final = tuple(product(SCALES, WALKING))
+"""How well a spring repeats in its rig: the scale and the share on the grid, all equally probable."""
 USUAL_STEP: Final = 1.0 / 3.0
 LEVEL_SD: Final = 3.0
 """Standard deviation of the level about the mean of the data [usual changes]."""
@@ -70,7 +92,9 @@ class Series:
     cycle, value, variance : ndarray, shape (n,)
         Cycle, counted from the first of the condition as 0; the number; the square of its standard deviation.
     change, scatter : float
-        Standard deviation of the prior of the change until the last measured cycle, and scatter that is usual.
+        By how much such a number may change until the last measured cycle, and scatter that is usual.
+    kind : str
+        Numbers of one kind, such as the strokes on heating and cooling, move or wander together.
     """
 
     cycle: Floats
@@ -78,6 +102,7 @@ class Series:
     variance: Floats
     change: float
     scatter: float
+    kind: str
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -147,31 +172,45 @@ class LawPosterior:
         self.laws = [(power, float(pace)) for form in self.forms for power in POWERS[form] for pace in PACES]
         self.testable = tested
         self._series = [_Marginal(s, self.laws, self.last) for s in series]
+        kinds = [s.kind for s in series]
+        self._of_kind = [
+            np.array([i for i, k in enumerate(kinds) if k == kind]) for kind in dict.fromkeys(kinds)
+        ]
+
+    @cached_property
+    def _movers(self) -> tuple[Movers, list[Movers]]:
+        """Which kinds of numbers a law moves, and of each kind which numbers."""
+        odds = np.array([s.log_odds.ravel() for s in self._series])
+        means = [logsumexp(odds[own], axis=0) - np.log(own.size) for own in self._of_kind]
+        return Movers(np.array(means)), [Movers(odds[own]) for own in self._of_kind]
 
     @cached_property
     def _log_joint(self) -> Floats:
-        """Log of prior times likelihood: of no law, and of each law and N0, shape (1 + K,)."""
-        none = sum(float(logsumexp(s.still)) for s in self._series)
-        each = np.zeros(len(self.laws))
-        for s in self._series:
-            each += np.logaddexp(logsumexp(s.still), logsumexp(s.moving, axis=0)) - np.log(2.0)
+        """Log of prior times likelihood: of no law, and of each law and N0, in each rig, shape (R, 1 + K)."""
+        none = np.sum([s.log_still for s in self._series], axis=0)[:, None] - np.log(len(RIGS))
+        each = none + self._movers[0].log_odds.reshape(len(RIGS), -1)
         prior = -0.5 * (np.log(PACES / USUAL_PACE) / PACE_SD) ** 2
         prior -= logsumexp(prior)
         each += np.concatenate([
             prior - np.log(len(POWERS[form])) for form in self.forms for _ in POWERS[form]
         ] or [[]])  # fmt: skip
-        return np.concatenate([[none], each])
+        return np.concatenate([none, each], axis=1)
+
+    @cached_property
+    def _log_of_law(self) -> Floats:
+        """The same over all rigs, shape (1 + K,)."""
+        return np.asarray(logsumexp(self._log_joint, axis=0))
 
     def _of(self, form: Law) -> Floats:
         """Log of prior times likelihood of a law, by power and N0, shape (powers, N0)."""
         before = [len(POWERS[f]) for f in self.forms[: self.forms.index(form)]]
         first = 1 + PACES.size * sum(before)
-        return self._log_joint[first : first + PACES.size * len(POWERS[form])].reshape(-1, PACES.size)
+        return self._log_of_law[first : first + PACES.size * len(POWERS[form])].reshape(-1, PACES.size)
 
     @cached_property
     def ln_evidence(self) -> dict[Law, float]:
         """Of none and of each law, less that of none."""
-        none = self._log_joint[0]
+        none = self._log_of_law[0]
         return {NONE: 0.0, **{form: float(logsumexp(self._of(form)) - none) for form in self.forms}}
 
     @cached_property
@@ -210,9 +249,25 @@ class LawPosterior:
             One for each series.
         """
         weight = np.exp(self._log_joint - logsumexp(self._log_joint))
-        law = rng.choice(weight.size, size=size, p=weight / weight.sum())
+        place = rng.choice(weight.size, size=size, p=weight.ravel() / weight.sum())
+        rig, law = np.divmod(place, weight.shape[1])
         shapes = np.array([np.zeros_like(grid), *(approach(f, p, grid, self.last) for f, p in self.laws)])
-        return law, [s.draw(law, shapes, grid, rng) for s in self._series]
+        moving = self._moving(rig, law, rng)
+        return law, [
+            s.draw(rig, law, m, shapes, grid, rng) for s, m in zip(self._series, moving, strict=True)
+        ]
+
+    def _moving(self, rig: Ints, law: Ints, rng: np.random.Generator) -> Bools:
+        """Which numbers the law of each draw moves, shape (series, S)."""
+        moving = np.zeros((len(self._series), law.size), dtype=bool)
+        acts = np.flatnonzero(law)
+        if acts.size:
+            among, within = self._movers
+            place = len(self.laws) * rig[acts] + law[acts] - 1
+            kinds = among.draw(place, rng)
+            for own, of_kind, moved in zip(self._of_kind, within, kinds, strict=True):
+                moving[np.ix_(own, acts)] = of_kind.draw(place, rng) & moved
+        return moving
 
 
 class _Marginal:
@@ -220,10 +275,16 @@ class _Marginal:
 
     Attributes
     ----------
+    of_rig : ndarray, shape (R, C)
+        Log prior of the places in each rig.
     still : ndarray, shape (C,)
-        Log of prior times likelihood where no law acts.
-    moving : ndarray, shape (C, K)
-        The same with each law.
+        Log likelihood where no law acts.
+    moving : ndarray, shape (C, K, W)
+        With each law and size of the change; the prior of the sizes is in it.
+    log_still : ndarray, shape (R,)
+        Log likelihood in each rig, where no law acts.
+    log_odds : ndarray, shape (R, K)
+        That where a law acts, less this.
     """
 
     def __init__(self, series: Series, laws: Sequence[tuple[float, float]], last: float) -> None:
@@ -242,15 +303,21 @@ class _Marginal:
         gram = np.array([columns.T @ s[:, :2] for s in solved])  # with y and with the level
         own = np.array([np.einsum("ij,ij->j", columns, s) for s in solved])
         log_det = np.array([2.0 * np.log(np.diag(f[0])).sum() for f in self.factors])
-        base = self._log_prior() - 0.5 * (log_det + own[:, 0] + n * np.log(2.0 * np.pi))
-        level, change = (LEVEL_SD * series.change) ** -2, series.change**-2
+        self.of_rig = self._log_prior()
+        base = -0.5 * (log_det + own[:, 0] + n * np.log(2.0 * np.pi))
+        level = (LEVEL_SD * series.change) ** -2
+        self.change = (SIZES * series.change) ** -2
         self.m11, self.h1 = gram[:, 1, 1] + level, gram[:, 1, 0]
-        self.m1k, self.mkk, self.hk = gram[:, 2:, 1], own[:, 2:] + change, gram[:, 2:, 0]
+        self.m1k, self.mkk, self.hk = gram[:, 2:, 1], own[:, 2:], gram[:, 2:, 0]
         self.still = base + 0.5 * (self.h1**2 / self.m11 - np.log(self.m11 / level))
-        det = self.m11[:, None] * self.mkk - self.m1k**2
-        h1 = self.h1[:, None]
-        explained = (self.mkk * h1**2 - 2.0 * self.m1k * h1 * self.hk + self.m11[:, None] * self.hk**2) / det
-        self.moving = base[:, None] + 0.5 * (explained - np.log(det / (level * change)))
+        rest = (self.mkk - self.m1k**2 / self.m11[:, None])[..., None] + self.change
+        explained = (self.hk - self.m1k * (self.h1 / self.m11)[:, None])[..., None] ** 2 / rest
+        self.moving = self.still[:, None, None] + 0.5 * (explained - np.log(rest / self.change))
+        self.moving -= np.log(SIZES.size)
+        self.log_still = logsumexp(self.of_rig + self.still, axis=1)
+        best = self.moving.max(axis=(0, 2), initial=-np.inf)
+        moving = np.exp(self.moving - best[:, None]).sum(axis=2)
+        self.log_odds = np.log(np.exp(self.of_rig) @ moving) + best - self.log_still[:, None]
 
     def _covariance(self, c: int) -> Floats:
         s = self.series
@@ -264,24 +331,30 @@ class _Marginal:
         return np.asarray(self.omega[c] ** 2 * np.minimum.outer(there, seen))
 
     def _log_prior(self) -> Floats:
-        """Half-Cauchy priors on grids that are even in the logarithm, shape (C,)."""
-        tau = SCATTERS / (1.0 + SCATTERS**2)
-        steps = STEPS / USUAL_STEP
-        omega = steps / (1.0 + steps**2)
-        omega = np.concatenate([[0.5], 0.25 * omega / omega.sum(), 0.25 * omega / omega.sum()])
-        return np.asarray(np.log(np.outer(tau / tau.sum(), omega)).ravel())
+        """Half-Cauchy priors on grids that are even in the logarithm, shape (R, C)."""
+        return np.array([
+            np.log(
+                np.outer(
+                    _half_cauchy(SCATTERS / scale),
+                    np.concatenate([[1.0 - share], *2 * [0.5 * share * _half_cauchy(STEPS / (USUAL_STEP * scale))]]),
+                )
+            ).ravel()
+            for scale, share in RIGS
+        ])  # fmt: skip
 
-    def draw(self, law: Ints, shapes: Floats, grid: Floats, rng: np.random.Generator) -> NumberDraws:
-        """NumberDraws along a grid, given the law of each."""
-        size, many = law.size, self.still.size
-        place = np.empty(size, dtype=np.int64)
-        for k in np.unique(law):
-            mine = law == k
-            logs = self.still if k == 0 else np.concatenate([self.still, self.moving[:, k - 1]])
-            weight = np.exp(logs - logsumexp(logs))
-            place[mine] = rng.choice(weight.size, size=int(mine.sum()), p=weight / weight.sum())
-        moving, at = place >= many, place % many
-        b = self._coefficients(law, moving, at, rng)
+    def draw(
+        self, rig: Ints, law: Ints, moving: Bools, shapes: Floats, grid: Floats, rng: np.random.Generator
+    ) -> NumberDraws:
+        """NumberDraws along a grid, given the rig and the law of each, and whether it acts on the number."""
+        at, size = np.zeros((2, law.size), dtype=np.int64)
+        laws = 1 + self.moving.shape[1]
+        for place, mine in _groups(laws * rig + np.where(moving, law, 0)):
+            r, k = divmod(place, laws)
+            logs = self.of_rig[r][:, None] + (self.moving[:, k - 1] if k else self.still[:, None])
+            weight = np.exp(logs - logsumexp(logs)).ravel()
+            drawn = rng.choice(weight.size, size=mine.size, p=weight / weight.sum())
+            at[mine], size[mine] = np.divmod(drawn, logs.shape[1])
+        b = self._coefficients(law, moving, at, size, rng)
         mean = self.centre + b[:, :1] + b[:, 1:] * shapes[law]
         walk, effect = np.zeros_like(mean), rng.standard_normal(mean.shape) * self.tau[at, None]
         seen = np.searchsorted(grid, self.series.cycle)
@@ -295,19 +368,18 @@ class _Marginal:
         state = mean + walk
         return NumberDraws(state, state + effect, mean, moving, self.tau[at], self.omega[at])
 
-    def _coefficients(self, law: Ints, moving: Floats, at: Ints, rng: np.random.Generator) -> Floats:
+    def _coefficients(
+        self, law: Ints, moving: Bools, at: Ints, size: Ints, rng: np.random.Generator
+    ) -> Floats:
         """Level and change of each draw, (S, 2)."""
-        m11, h1 = self.m11[at], self.h1[at]
-        k = np.maximum(law - 1, 0)
-        if self.hk.shape[1]:
-            m1k, mkk, hk = (np.where(moving, m[at, k], 0.0) for m in (self.m1k, self.mkk, self.hk))
-        else:
-            m1k = mkk = hk = np.zeros(law.size)
-        rest = np.where(moving, mkk - m1k**2 / m11, 1.0)
-        change = np.where(
-            moving, (hk - m1k * h1 / m11) / rest + rng.standard_normal(law.size) / np.sqrt(rest), 0.0
-        )
-        level = (h1 - m1k * change) / m11 + rng.standard_normal(law.size) / np.sqrt(m11)
+        change, m1k = np.zeros((2, law.size))
+        own, k, i = at[moving], law[moving] - 1, np.flatnonzero(moving)
+        m1k[i] = self.m1k[own, k]
+        rest = self.mkk[own, k] - m1k[i] ** 2 / self.m11[own] + self.change[size[i]]
+        expected = (self.hk[own, k] - m1k[i] * self.h1[own] / self.m11[own]) / rest
+        change[i] = expected + rng.standard_normal(i.size) / np.sqrt(rest)
+        m11 = self.m11[at]
+        level = (self.h1[at] - m1k * change) / m11 + rng.standard_normal(law.size) / np.sqrt(m11)
         return np.column_stack([level, change])
 
     def _walk(self, c: int, left: Floats, grid: Floats, seen: Ints, rng: np.random.Generator) -> Floats:
@@ -320,6 +392,12 @@ class _Marginal:
         noise = rng.standard_normal(left.shape) * np.sqrt(self.tau[c] ** 2 + self.series.variance)
         missed = cho_solve(self.factors[c], (left - free[:, seen] - noise).T)
         return np.asarray(free + (self._of_walk(c, grid) @ missed).T)
+
+
+def _half_cauchy(ratio: Floats) -> Floats:
+    """Probabilities on a grid that is even in the logarithm."""
+    density = ratio / (1.0 + ratio**2)
+    return np.asarray(density / density.sum())
 
 
 def _groups(places: Ints) -> Iterator[tuple[int, Ints]]:

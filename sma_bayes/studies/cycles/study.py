@@ -123,10 +123,15 @@ def pool(strands: Sequence[Strand], ahead: int, seed: int, size: int = DRAWS) ->
     last = max(float(s.cycle.max()) for s in strands)
     series = [
         Series(
-            s.cycle - first, s.numbers[:, i], s.sds[:, i] ** 2, float(PRIOR_SD[i]), float(USUAL_SCATTER[i])
+            s.cycle - first,
+            s.numbers[:, i],
+            s.sds[:, i] ** 2,
+            float(PRIOR_SD[i]),
+            float(USUAL_SCATTER[i]),
+            name,
         )
         for s in strands
-        for i in range(4)
+        for i, name in enumerate(NUMBERS)
     ]
     posterior = LawPosterior(series)
     grid = np.arange(last - first + ahead + 1.0)

@@ -175,9 +175,10 @@ def _law(
             np.array([n.sd[i] for n in numbers[s]]) ** 2,
             float(PRIOR_SD[i]),
             float(USUAL_SCATTER[i]),
+            name,
         )
         for s in range(len(strands))
-        for i in range(len(NUMBERS))
+        for i, name in enumerate(NUMBERS)
     ]
     posterior = LawPosterior(series)
     if posterior.chosen == NONE:

@@ -30,27 +30,29 @@ def test_a_small_power_tends_to_the_logarithm() -> None:
 def test_evidence_and_forecast_are_those_of_sampling() -> None:
     """Draws from the prior, walk and all, weighted by the likelihood of the readings.
 
-    A million draws; what they give scatters by a few per cent, which is taken from ten parts of them. Of nine numbers
+    Two million draws; what they give scatters by a few per cent, which is taken from ten parts of them. Of nine numbers
     none may be further off than 4 standard errors: a false alarm in one of 1,700 runs, were the seed not fixed.
     """
     rng = np.random.default_rng(1)
     cycle = np.array([0.0, 1.0, 2.0, 4.0, 6.0])
-    series = Series(cycle, np.array([0.05, 0.52, 0.66, 0.9, 0.84]), np.full(5, 0.15**2), 0.5, 0.2)
+    series = Series(cycle, np.array([0.05, 0.52, 0.66, 0.9, 0.84]), np.full(5, 0.15**2), 0.5, 0.2, "stroke")
     posterior = LawPosterior([series])
     later = np.arange(10.0)
     law, (draws,) = posterior.draw(later, 40_000, rng)
 
-    size, centre = 1_000_000, series.value.mean()
+    size, centre = 2_000_000, series.value.mean()
     kind = rng.integers(1 + len(POWERS), size=size)
     names = list(POWERS)
     weights = np.exp(-0.5 * (np.log(laws.PACES / laws.USUAL_PACE) / laws.PACE_SD) ** 2)
     pace = rng.choice(laws.PACES, size=size, p=weights / weights.sum())
-    tau_p = laws.SCATTERS / (1.0 + laws.SCATTERS**2)
-    tau = 0.2 * rng.choice(laws.SCATTERS, size=size, p=tau_p / tau_p.sum())
-    steps = laws.STEPS / laws.USUAL_STEP
-    step_p = steps / (1.0 + steps**2)
-    omega = 0.2 * rng.choice(laws.STEPS, size=size, p=step_p / step_p.sum())
-    omega = np.where(rng.random(size) < 0.5, 0.0, omega)
+    scale, share = np.array(laws.RIGS)[rng.integers(len(laws.RIGS), size=size)].T
+    tau, omega = np.zeros((2, size))
+    for own_scale in laws.SCALES:
+        own = np.flatnonzero(scale == own_scale)
+        for value, grid, usual in ((tau, laws.SCATTERS, 1.0), (omega, laws.STEPS, laws.USUAL_STEP)):
+            p = 1.0 / (grid / (usual * own_scale) + usual * own_scale / grid)
+            value[own] = 0.2 * rng.choice(grid, size=own.size, p=p / p.sum())
+    omega[rng.random(size) >= share] = 0.0
     slows = rng.random(size) < 0.5
     clock = np.where(slows[:, None], np.log2(1.0 + later), later)
     state = (
@@ -61,7 +63,7 @@ def test_evidence_and_forecast_are_those_of_sampling() -> None:
             axis=1,
         )
     )
-    change = 0.5 * rng.standard_normal(size) * (rng.random(size) < 0.5)
+    change = 0.5 * rng.choice(laws.SIZES, size=size) * rng.standard_normal(size)
     for k, name in enumerate(names, 1):
         for j, power in enumerate(POWERS[name]):
             own = np.flatnonzero(kind == k)[j :: len(POWERS[name])]
@@ -97,14 +99,14 @@ def test_evidence_and_forecast_are_those_of_sampling() -> None:
 def test_a_number_that_is_known_exactly_is_kept() -> None:
     cycle = np.arange(6.0)
     value = np.array([0.0, 0.3, 0.1, 0.5, 0.2, 0.4])
-    series = Series(cycle, value, np.full(6, 1e-14), 0.5, 0.02)
+    series = Series(cycle, value, np.full(6, 1e-14), 0.5, 0.02, "stroke")
     _, (draws,) = LawPosterior([series]).draw(np.arange(8.0), 50, np.random.default_rng(0))
     assert np.abs(draws.sweep[:, :6] - value).max() < 1e-5
     assert draws.sweep[:, 7].std() > 0.05
 
 
 def test_two_cycles_tell_no_law_but_are_pooled() -> None:
-    series = Series(np.array([0.0, 1.0]), np.array([0.0, 0.02]), np.full(2, 1e-4), 0.5, 0.02)
+    series = Series(np.array([0.0, 1.0]), np.array([0.0, 0.02]), np.full(2, 1e-4), 0.5, 0.02, "stroke")
     posterior = LawPosterior([series])
     assert not posterior.testable
     assert posterior.chosen == NONE
@@ -121,7 +123,8 @@ def test_numbers_without_a_law_are_given_none_and_those_with_one_their_own() -> 
     cycle = np.arange(12.0)
     for _ in range(20):
         quiet = [
-            Series(cycle, 0.02 * rng.standard_normal(12), np.full(12, 1e-4), 0.5, 0.02) for _ in range(8)
+            Series(cycle, 0.02 * rng.standard_normal(12), np.full(12, 1e-4), 0.5, 0.02, kind)
+            for kind in ("offset", "stroke", "shift", "width") * 2
         ]
         assert LawPosterior(quiet).chosen == NONE
     moved = [
@@ -131,8 +134,9 @@ def test_numbers_without_a_law_are_given_none_and_those_with_one_their_own() -> 
             np.full(12, 1e-4),
             0.5,
             0.02,
+            kind,
         )
-        for size in (0.2, -0.1, 0.0)
+        for kind, size in (("stroke", 0.2), ("width", -0.1), ("offset", 0.0))
     ]
     posterior = LawPosterior(moved)
     assert posterior.chosen in ("exponential", "stretched")
