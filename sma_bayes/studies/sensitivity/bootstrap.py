@@ -3,6 +3,8 @@
 The curve, with its discrepancy, is fitted by penalised least squares to sweeps that are weighted at random: weights of
 J sweeps are J times a draw of a flat Dirichlet distribution. Noise is held at its posterior median: it tells how
 readings within a sweep count, and the priors how far they bend the curve; how far sweeps differ is told by themselves.
+Where noise has heavy tails a reading counts the less the farther it is from the curve that is fitted, so that least
+squares are repeated until what each counts has settled: the curve has the greatest weighted likelihood then.
 
 A sum that is weighted so has a variance of ``(J - 1)/(J + 1)`` times that of a mean of J sweeps.
 
@@ -15,7 +17,7 @@ Bayesian inference with the weighted likelihood bootstrap", Journal of the Royal
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -36,6 +38,10 @@ FEWEST_SWEEPS: Final = 4
 REPLICATES: Final = 300
 EVALUATIONS: Final = 60
 """Evaluations of the curve in one fit, at most."""
+ROUNDS: Final = 30
+"""Fits after which what readings count is taken as it is."""
+SETTLED: Final = 0.01
+"""Change of the root of what a reading counts that is none [1]."""
 NEAR: Final = 1e-3
 """Standardised innovations below which the weight of a reading is that of its location [1]."""
 
@@ -78,12 +84,12 @@ def bootstrap_sweeps(
     squares = _PenalisedSquares.of(draws)
     weight = np.empty(draws.record.n)
     found, failed = [], 0
-    start = squares.fitted(squares.start, np.ones(draws.record.n))
+    start = squares.settled(squares.start, np.ones(draws.record.n))
     start = squares.start if start is None else start
     for share in rng.dirichlet(np.ones(len(sweeps)), min(replicates, draws.size)) * len(sweeps):
         for s, w in zip(sweeps, share, strict=True):
             weight[s] = w
-        x = squares.fitted(start, weight)
+        x = squares.settled(start, weight)
         if x is None:
             failed += 1
         else:
@@ -128,31 +134,47 @@ class _PenalisedSquares:
         z = posterior.space.unconstrain(theta)
         m = posterior.sampled_model.size
         start, centre, sd = [z[:m]], [posterior.space.prior_centre()[:m]], [posterior.space.prior_sd()[:m]]
-        scale, firm = {}, {}
+        scale: dict[str, Floats] = {}
         with np.errstate(all="ignore"):
             _, relative = posterior.moments_of_noise(theta, 0)
         missed = {c: np.median(w, axis=0) for c, w in draws.weights.items()}
-        innovations = posterior.noise
-        for channel, observed in draws.record.observed.items():
+        for channel in draws.record.observed:
             scale[channel] = theta[place.noise[channel][0]] * relative[channel]
-            shape = posterior.noise_shape(theta[None], 0, channel)
-            curve = posterior.predict(theta[None], draws.record.inputs)[channel][0]
             if channel in missed:
                 basis = posterior.discrepancy[0][channel]
-                curve = curve + missed[channel] @ basis.rows
                 start.append(missed[channel])
                 centre.append(np.zeros(basis.count))
                 sd.append(np.full(basis.count, theta[place.size[channel]]))
-            e = innovations.decorrelate(
-                ((observed - curve) / scale[channel])[None], shape, posterior.steps[0]
-            )
-            held = innovations.location_information(shape)[:, None]
+        at = np.concatenate(start)
+        even = cls(draws, z, at, np.concatenate(centre), np.concatenate(sd), scale, {})
+        return replace(even, firm=even.counts(at))
+
+    def counts(self, x: Floats) -> dict[str, Floats]:
+        """Root of what each innovation counts beside a curve, of a likelihood whose tails are heavy, by channel."""
+        noise = self.draws.posterior.noise
+        found = {}
+        for channel, e in replace(self, firm=self._ones).innovations_of(x).items():
+            shape = self._shape(channel)
+            held = noise.location_information(shape)[:, None]
             far = np.abs(e) > NEAR
-            counts = np.where(far, innovations.score(e, shape) / np.where(far, e, 1.0), held)
-            firm[channel] = np.sqrt(np.maximum(counts, 0.0) * innovations.likelihood_weight(shape)[:, None])[
-                0
-            ]
-        return cls(draws, z, np.concatenate(start), np.concatenate(centre), np.concatenate(sd), scale, firm)
+            with np.errstate(all="ignore"):
+                counts = np.where(far, noise.score(e, shape) / np.where(far, e, 1.0), held)
+            found[channel] = np.sqrt(np.maximum(counts, 0.0) * noise.likelihood_weight(shape)[:, None])[0]
+        return found
+
+    def settled(self, start: Floats, weight: Floats) -> Floats | None:
+        """Coordinates of the greatest weighted likelihood, see `fitted`; what readings count is found on the way."""
+        squares, x = self, self.fitted(start, weight)
+        for _ in range(0 if self.draws.posterior.noise.is_gaussian else ROUNDS):
+            if x is None:
+                return None
+            firm = self.counts(x)
+            change = max(np.abs(firm[c] - squares.firm[c]).max() for c in firm)
+            if change < SETTLED:
+                break
+            squares = replace(squares, firm=firm)
+            x = squares.fitted(x, weight)
+        return x
 
     @property
     def _model(self) -> int:
@@ -183,16 +205,22 @@ class _PenalisedSquares:
             )
         return np.asarray(found.x) if found.status > 0 and np.isfinite(found.x).all() else None
 
-    def _residuals(self, x: Floats, root: Floats) -> Floats:
+    def innovations_of(self, x: Floats) -> dict[str, Floats]:
+        """Channel to what the curve misses, shape (1, n), see `_innovations`."""
         posterior, record = self.draws.posterior, self.draws.record
         theta, weights = self.parameters(x[None])
         curves = posterior.predict(theta, record.inputs)
-        parts = [(x - self.centre) / self.sd]
+        found = {}
         for channel, observed in record.observed.items():
             e = observed - curves[channel][0]
             if channel in weights:
                 e = e - weights[channel][0] @ posterior.discrepancy[0][channel].rows
-            parts.append(root * self._innovations(channel, e[None])[0])
+            found[channel] = self._innovations(channel, e[None])
+        return found
+
+    def _residuals(self, x: Floats, root: Floats) -> Floats:
+        parts = [(x - self.centre) / self.sd]
+        parts += [root * e[0] for e in self.innovations_of(x).values()]
         found = np.concatenate(parts)
         return np.where(np.isfinite(found), found, 1e100)
 
@@ -220,9 +248,17 @@ class _PenalisedSquares:
     def _innovations(self, channel: str, series: Floats) -> Floats:
         """Series (k, n) in standard deviations of the noise, without its memory, each reading as it counts."""
         posterior = self.draws.posterior
-        theta = posterior.space.constrain(self.z)
-        shape = np.repeat(posterior.noise_shape(theta[None], 0, channel), len(series), axis=0)
+        shape = np.repeat(self._shape(channel), len(series), axis=0)
         return np.asarray(
             self.firm[channel]
             * posterior.noise.decorrelate(series / self.scale[channel], shape, posterior.steps[0])
         )
+
+    def _shape(self, channel: str) -> Floats:
+        """Shape of the noise at the posterior median, shape (1, k)."""
+        posterior = self.draws.posterior
+        return np.asarray(posterior.noise_shape(posterior.space.constrain(self.z)[None], 0, channel))
+
+    @property
+    def _ones(self) -> dict[str, Floats]:
+        return {channel: np.ones(self.draws.record.n) for channel in self.scale}
