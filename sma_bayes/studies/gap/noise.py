@@ -4,9 +4,11 @@ Noise of each history and channel is an AR(1) series, in sample index or in time
 too: estimated from its residuals, the memory would absorb the very disagreement that is looked for. So it is
 estimated from what is left after smooth functions of temperature on each branch, and a level of each cycle, have been
 taken out, by restricted likelihood, which counts the freedom that they use up; and smooth functions of time and of
-whatever else was recorded as well, where these describe more than noise does. Noise without any misfit is then
-estimated without bias, and a misfit that repeats from cycle to cycle, or follows something recorded, does not pass for
-noise. All hypotheses of a round share the estimate.
+whatever else was recorded as well, where these describe more than noise does. Where noise that remembers is left, the
+curve's own stroke, place and width are taken out, too, and what changes these with something recorded, where that is
+likelier than noise that remembers. Noise without any misfit is then estimated without bias, and a misfit that repeats
+from cycle to cycle, or follows something recorded, does not pass for noise. All hypotheses of a round share the
+estimate.
 """
 
 from __future__ import annotations
@@ -19,6 +21,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
+from scipy.special import logsumexp
 
 from sma_bayes.arrays import Floats
 from sma_bayes.noise.ar1 import memory_innovations, memory_log_scale, memory_series
@@ -57,15 +60,20 @@ BEYOND_NOISE = 1e-3
 """Probability that noise puts as much into these, up to which they are taken out."""
 ON_CURVE = {"cycle": 5, "rate": 4, "ambient_temperature": 4, "current": 4}
 """Splines of what may change the curve itself, its stroke and its place on the axis of temperature."""
-BEYOND_DOUBT = 1e-6
-"""The same for these, which are many."""
+SIZES = np.geomspace(0.03, 100.0, 10)
+"""Sizes of changes of the curve that are tried, in standard deviations of the noise."""
+BEYOND_DOUBT = math.log(1e6)
+"""Log Bayes factor from which on changes of the curve and what noise is left beside them are taken for what noise alone
+would have to remember."""
 REMEMBERS = 0.8
 """Memory from which on they are tried: what changes the curve passes for noise that remembers, or not for noise."""
 LESS_LONG = 0.5
 """Time that noise remembers beside them over that without, up to which they are taken out: what only passed for memory
 is in them then. A hum, say, has a part in so many columns, too, and its memory stays as it is."""
 EACH = 40
-"""Samples for each of these splines, at least."""
+"""Samples for each spline of what else was recorded, at least."""
+HARDLY = 1e-9
+"""Precision by which coefficients of which nothing is known are held, over the mean information on them."""
 INDEPENDENT = 1e-6
 """Least singular value, over the greatest, of columns that count as different."""
 
@@ -94,6 +102,12 @@ class ChannelBlock:
     first: NDArray[np.bool_]
     dt: Floats
     sweep: float = np.inf
+
+    @property
+    def uneven(self) -> bool:
+        """Whether steps of time differ, so that memory may be one in time or by sample."""
+        steps = self.dt[~self.first]
+        return bool(steps.size > 2 and np.std(steps) > 0.05 * np.mean(steps))
 
     @property
     def possible(self) -> NDArray[np.bool_]:
@@ -211,10 +225,10 @@ def noise_of(
         misfit = np.concatenate([smooth, courses / np.maximum(np.abs(courses).max(axis=0), 1e-300)], axis=1)
         response = history.observed[block.channel] - own
         recorded = recorded_columns(inputs, misfit)
-        changed = None
+        changes = None
         if block.channel != "temperature":
-            changed = partial(_changed, hypothesis, block, theta, response, misfit, recorded)
-        out.append(block_noise(own, block, misfit, lattice, recorded, response, changed))
+            changes = partial(_changes, hypothesis, block, theta, response)
+        out.append(block_noise(own, block, misfit, lattice, recorded, response, changes))
         beside.append((smooth, courses))
     return _with_scattered_switching(blocks, out, residual, beside)
 
@@ -238,18 +252,10 @@ def _with_scattered_switching(
     )
 
 
-def _changed(
-    hypothesis: Hypothesis,
-    block: ChannelBlock,
-    theta: Floats,
-    response: Floats,
-    misfit: Floats,
-    recorded: Floats,
-) -> Floats:
-    """See `curve_columns`; made where noise that remembers is left, as most of it does not."""
-    curve = (response, slope_of(hypothesis, block, theta))
+def _changes(hypothesis: Hypothesis, block: ChannelBlock, theta: Floats, response: Floats) -> list[Floats]:
+    """See `curve_changes`; made where noise that remembers is left, as most of it does not."""
     inputs = hypothesis.histories[block.history].inputs
-    return curve_columns(inputs, curve, np.concatenate([misfit, recorded], axis=1))
+    return curve_changes(inputs, response, slope_of(hypothesis, block, theta))
 
 
 def slope_of(hypothesis: Hypothesis, block: ChannelBlock, theta: Floats) -> Floats:
@@ -287,25 +293,37 @@ def recorded_columns(inputs: Mapping[str, Floats], smooth: Floats) -> Floats:
     return _free_of(smooth, _functions_of(inputs, RECORDED, len(smooth) // EACH))
 
 
-def curve_columns(inputs: Mapping[str, Floats], curve: Sequence[Floats], smooth: Floats) -> Floats:
-    """What changes the curve with something recorded, orthonormal and free of the columns `smooth` (n, k), (n, j).
+def curve_changes(inputs: Mapping[str, Floats], response: Floats, slope: Floats) -> list[Floats]:
+    """What may be wrong with the curve of a record, and change it with something recorded: sets of columns (n, k).
 
-    A sweep is a common shape with an offset, a stroke and a shift in temperature, on either branch. What changes these
-    with the cycle or the rate, as training and a lagging sensor do, is a product of the curve or its slope with a
-    function of what was recorded.
+    A sweep is a common shape with an offset, a stroke, a shift in temperature and a width, on either branch. A record
+    may have a stroke, a place and a width of its own, as under another load where one curve serves all; and what
+    changes stroke and place with the cycle or the rate, as training and a lagging sensor do, is a product of the curve
+    or its slope with a function of what was recorded. The first set has the former, each further one what changes with
+    one thing recorded, and the last, where there are several, all of these.
 
     Parameters
     ----------
     inputs : mapping of str to ndarray, shape (n,)
         Of a history.
-    curve : sequence of ndarray, shape (n,)
-        The response as predicted, and its slope against temperature.
-    smooth : ndarray, shape (n, k)
+    response, slope : ndarray, shape (n,)
+        The response as predicted, and its derivative by temperature.
     """
-    parts = [(x - x.mean()) / max(float(np.std(x)), 1e-300) for x in curve]
-    on_branch = row_tensor_product(indicators(inputs["branch"]), np.stack(parts, axis=1))
-    most = len(smooth) // (EACH * on_branch.shape[1])
-    return _free_of(smooth, [row_tensor_product(on_branch, f) for f in _functions_of(inputs, ON_CURVE, most)])
+    branch = indicators(inputs["branch"])
+    weight = branch * np.maximum(np.abs(slope), 1e-300)[:, None]
+    middle = branch @ (inputs["temperature"] @ weight / weight.sum(axis=0))
+    parts = [_unit(x) for x in (response, slope, slope * (inputs["temperature"] - middle))]
+    own = row_tensor_product(branch, np.stack(parts, axis=1))
+    moved = row_tensor_product(branch, np.stack(parts[:2], axis=1))
+    functions = _functions_of(inputs, ON_CURVE, len(response))
+    changed = [row_tensor_product(moved, f) for f in functions]
+    every = [np.concatenate(changed, axis=1)] if len(changed) > 1 else []
+    return [own, *changed, *every]
+
+
+def _unit(x: Floats) -> Floats:
+    """A series less its mean, of unit spread."""
+    return np.asarray((x - x.mean()) / max(float(np.std(x)), 1e-300))
 
 
 def _functions_of(inputs: Mapping[str, Floats], named: Mapping[str, int], most: int) -> list[Floats]:
@@ -346,7 +364,7 @@ def block_noise(
     lattice: float = 0.0,
     recorded: Floats | None = None,
     response: Floats | None = None,
-    changed: Callable[[], Floats] | None = None,
+    changes: Callable[[], Sequence[Floats]] | None = None,
 ) -> BlockNoise:
     """Standard deviation and memory of greatest restricted likelihood.
 
@@ -367,44 +385,95 @@ def block_noise(
     response : ndarray, shape (n,), optional
         What the model predicts. Where the size of innovations changes with it beyond doubt they get a width that does:
         in the shuffled series of chance, and as heavy tails, it would be even.
-    changed : callable, optional
-        Makes columns (n, l) of changes of the curve (see `curve_columns`), which are taken out together with those of
-        what was recorded where
-        noise that remembers is left and all of these describe more than it does beyond doubt.
+    changes : callable, optional
+        Makes sets of columns of changes of the curve (see `curve_changes`), asked where noise that remembers is left.
+        The first set is taken out then, the others where they describe more than noise does beyond doubt and leave it a
+        much shorter memory.
     """
     noise, innovations = _likeliest(residual, block, smooth, 1.0)
-    misfit, more = smooth, smooth[:, :0]
     if recorded is not None and recorded.shape[1]:
-        more = recorded
-        both = np.concatenate([misfit, more], axis=1)
+        both = np.concatenate([smooth, recorded], axis=1)
         beside = _likeliest(residual, block, both, 1.0)
-        if _by_chance(residual, beside[0], misfit, both) < BEYOND_NOISE:
+        if _by_chance(residual, beside[0], smooth, both) < BEYOND_NOISE:
             smooth, (noise, innovations) = both, beside
-    remembers = changed is not None and np.median(noise.memory) >= REMEMBERS
-    columns = changed() if changed is not None and remembers else smooth[:, :0]
-    if columns.shape[1]:
-        both = np.concatenate([misfit, more, columns], axis=1)
-        beside = _likeliest(residual, block, both, 1.0)
-        # the memory beside so many columns is hardly known: whatever it may be, they must describe more than noise does
-        shorter = _samples_as_one(beside[0]) <= LESS_LONG * _samples_as_one(noise)
-        if shorter and all(
-            p * _by_chance(residual, o, misfit, both) < BEYOND_DOUBT for p, o in beside[0].others
-        ):
-            smooth, (noise, innovations) = both, beside
+    changed: Floats | None = None
+    if changes is not None and np.median(noise.memory) >= REMEMBERS:
+        own, *sets = changes()
+        smooth = np.concatenate([smooth, own], axis=1)
+        noise, innovations = _likeliest(residual, block, smooth, 1.0)
+        taken = _changes_beyond_noise(residual, block, smooth, sets) if sets else None
+        if taken is not None:
+            beside = _likeliest(residual, block, smooth, 1.0, taken)
+            if _samples_as_one(beside[0]) <= LESS_LONG * _samples_as_one(noise):
+                changed, (noise, innovations) = taken, beside
     width: Floats | float = 1.0
     if response is not None:
         found = growth(innovations, response)
         if found.is_noise:
             width = np.exp(found.slope * response / np.ptp(response))
             width = width / np.sqrt(np.mean(width**2))
-            noise, innovations = _likeliest(residual, block, smooth, width)
+            noise, innovations = _likeliest(residual, block, smooth, width, changed)
     narrowest = noise.sd * float(np.sqrt(1.0 - np.median(noise.memory) ** 2))
     for _ in range(REWEIGHTED if lattice < narrowest else 0):
         scale = tail_scale(innovations / width)
         if scale is None:
             break
-        noise, innovations = _likeliest(residual, block, smooth, width * scale)
+        noise, innovations = _likeliest(residual, block, smooth, width * scale, changed)
     return noise
+
+
+def _changes_beyond_noise(
+    residual: Floats, block: ChannelBlock, smooth: Floats, sets: Sequence[Floats]
+) -> Floats | None:
+    """The likeliest of some sets of columns at its likeliest size, if they describe more than noise does beyond doubt.
+
+    Coefficients are normal, of a common size; sets, sizes and memories are averaged over. That average is compared with
+    the likeliest memory of noise alone, whatever it is. So noise that is AR(1) is taken for columns with a probability
+    of `exp(-BEYOND_DOUBT)` at most, however many columns there are and however little is known of its memory (by
+    Markov's inequality, as the expected Bayes factor against the truth is 1).
+
+    Parameters
+    ----------
+    residual : ndarray, shape (n,)
+    block : ChannelBlock
+    smooth : ndarray, shape (n, k)
+    sets : sequence of ndarray, shape (n, j)
+
+    Returns
+    -------
+    ndarray, shape (n, j), or None
+        For coefficients of the size of the noise.
+    """
+    memories, _ = _memories(block)
+    log_scale = np.array([memory_log_scale(m).sum() for m in memories])
+    alone = _restricted(_products(np.column_stack([smooth, residual]), block), log_scale, residual.size)[0]
+    found = np.stack([_with_random(residual, block, smooth, columns, log_scale) for columns in sets])
+    average = logsumexp(found) - np.log(found.size)
+    if average < alone.max() + BEYOND_DOUBT:
+        return None
+    which, size = divmod(int(np.argmax(logsumexp(found, axis=2))), SIZES.size)
+    return np.asarray(sets[which] * SIZES[size])
+
+
+def _with_random(
+    residual: Floats, block: ChannelBlock, smooth: Floats, random: Floats, log_scale: Floats
+) -> Floats:
+    """Restricted log likelihoods beside columns with normal coefficients, of each of `SIZES` and memory, (S, m)."""
+    k, j = smooth.shape[1], random.shape[1]
+    products = _products(np.column_stack([smooth, random, residual]), block)
+    fixed, across, own = products[:, :k, :k].copy(), products[:, :k, k:], products[:, k:, k:]
+    place = np.arange(k)
+    fixed[:, place, place] += HARDLY * np.trace(fixed, axis1=1, axis2=2)[:, None] / k
+    left = own - np.swapaxes(across, 1, 2) @ np.linalg.solve(fixed, across)
+    information, axes = np.linalg.eigh(left[:, :j, :j])
+    information = np.maximum(information, 0.0)
+    pull = np.einsum("mij,mi->mj", axes, left[:, :j, j]) ** 2
+    precision = SIZES[:, None, None] ** -2.0
+    squares = left[:, j, j] - np.sum(pull / (information + precision), axis=2)
+    free = max(residual.size - k, 1)
+    volume = np.linalg.slogdet(fixed)[1] + np.log1p(information / precision).sum(axis=2)
+    variance = np.maximum(squares, 1e-300) / free
+    return np.asarray(-0.5 * free * np.log(variance) - log_scale - 0.5 * volume)
 
 
 def tail_scale(innovations: Floats) -> Floats | None:
@@ -432,26 +501,46 @@ def tail_scale(innovations: Floats) -> Floats | None:
     return scale
 
 
-def _likeliest(
-    residual: Floats, block: ChannelBlock, smooth: Floats, scale: Floats | float
-) -> tuple[BlockNoise, Floats]:
-    """Noise of greatest restricted likelihood for given scales, and the innovations without their scales."""
+def _memories(block: ChannelBlock) -> tuple[list[Floats], NDArray[np.bool_]]:
+    """Memories of a block that are tried, each (n,), and which of them chance may have: by sample, and in time."""
     follows = ~block.first
-    series = np.column_stack([smooth, residual])
-    width = np.broadcast_to(scale, residual.shape)[:, None]
-    products = _products(series, follows, width)
     memories = [np.where(follows, phi, 0.0) for phi in MEMORIES]
     possible = block.possible
-    dt = block.dt[follows]
-    if dt.size > 2 and np.std(dt) > 0.05 * np.mean(dt):
-        in_time = [
+    if block.uneven:
+        memories += [
             np.where(follows, phi ** np.maximum(block.dt, 1e-3), 0.0) for phi in MEMORIES[MEMORIES > 0.0]
         ]
-        innovations = [memory_innovations(series.T, m, width[:, 0]) for m in in_time]
-        products = np.concatenate([products, [w @ w.T for w in innovations]])
-        memories += in_time
         possible = np.concatenate([possible, possible[MEMORIES > 0.0]])
-    value, sd = _restricted(products, np.array([memory_log_scale(m).sum() for m in memories]), residual.size)
+    return memories, possible
+
+
+def _likeliest(
+    residual: Floats,
+    block: ChannelBlock,
+    smooth: Floats,
+    scale: Floats | float,
+    random: Floats | None = None,
+) -> tuple[BlockNoise, Floats]:
+    """Noise of greatest restricted likelihood for given scales, and the innovations without their scales.
+
+    Parameters
+    ----------
+    residual : ndarray, shape (n,)
+    block : ChannelBlock
+    smooth : ndarray, shape (n, k)
+    scale : ndarray, shape (n,), or float
+    random : ndarray, shape (n, j), optional
+        Columns with normal coefficients of the standard deviation of the noise.
+    """
+    held = np.zeros(smooth.shape[1])
+    if random is not None:
+        smooth = np.concatenate([smooth, random], axis=1)
+        held = np.concatenate([held, np.ones(random.shape[1])])
+    width = np.broadcast_to(scale, residual.shape)[:, None]
+    products = _products(np.column_stack([smooth, residual]), block, width)
+    memories, possible = _memories(block)
+    log_scale = np.array([memory_log_scale(m).sum() for m in memories])
+    value, sd = _restricted(products, log_scale, residual.size, held)
     likeliest = int(np.argmax(value))
     shorter = np.array([m.max() for m in memories]) <= memories[likeliest].max()
     probability = np.exp(value - value.max())
@@ -463,7 +552,7 @@ def _likeliest(
     )
     best = BlockNoise(float(sd[likeliest]), memories[likeliest], scale, others)
     w, columns = best.whiten(residual), best.whiten(smooth.T).T
-    left = w - columns @ np.linalg.solve(*_normal_equations(products[likeliest]))
+    left = w - columns @ np.linalg.solve(*_normal_equations(products[likeliest], held))
     return best, np.asarray(left * scale)
 
 
@@ -543,57 +632,69 @@ def _squares(residual: Floats, noise: BlockNoise, columns: Floats) -> float:
     return float(products[-1, -1] - pull @ np.linalg.solve(gram, pull))
 
 
-def _normal_equations(products: Floats) -> tuple[Floats, Floats]:
+def _normal_equations(products: Floats, held: Floats | float = 0.0) -> tuple[Floats, Floats]:
     """Of columns (k) and, last, a series: their products among each other, hardly held, and with the series.
 
     Parameters
     ----------
     products : ndarray, shape (..., k + 1, k + 1)
+    held : ndarray, shape (k,), or float
+        Precisions of the coefficients, over that of the innovations.
     """
     gram = products[..., :-1, :-1].copy()
     place = np.arange(gram.shape[-1])
-    gram[..., place, place] += 1e-9 * np.trace(gram, axis1=-2, axis2=-1)[..., None] / place.size
+    gram[..., place, place] += HARDLY * np.trace(gram, axis1=-2, axis2=-1)[..., None] / place.size + held
     return gram, products[..., :-1, -1]
 
 
-def _products(series: Floats, follows: NDArray[np.bool_], width: Floats) -> Floats:
-    """Products of the innovations of series (n, k) under each memory of `MEMORIES`, shape (m, k, k).
+def _products(series: Floats, block: ChannelBlock, width: Floats | None = None) -> Floats:
+    """Products of the innovations of series (n, k) under each memory that is tried, shape (m, k, k).
 
     An innovation ``x[i] - phi x[i-1]`` is ``(x[i] - x[i-1]) + (1 - phi) x[i-1]``, so three matrices of products serve
-    all memories, without loss of digits where these are near 1.
+    all memories by sample, without loss of digits where these are near 1.
 
     Parameters
     ----------
     series : ndarray, shape (n, k)
-    follows : ndarray of bool, shape (n,)
-        Samples that remember the one before.
-    width : ndarray, shape (n, 1)
-        Scales of the innovations.
+    block : ChannelBlock
+    width : ndarray, shape (n, 1), optional
+        Scales of the innovations; 1 if not given.
     """
-    later = np.flatnonzero(follows)
-    first = series[~follows] / width[~follows]
-    before = series[later - 1] / width[later]
-    step = series[later] / width[later] - before
+    scales = np.ones((len(series), 1)) if width is None else width
+    later = np.flatnonzero(~block.first)
+    first = series[block.first] / scales[block.first]
+    before = series[later - 1] / scales[later]
+    step = series[later] / scales[later] - before
     crossed = step.T @ before
     forgotten = (1.0 - MEMORIES)[:, None, None]
     squares = step.T @ step + forgotten * (crossed + crossed.T) + forgotten**2 * (before.T @ before)
-    return np.asarray(first.T @ first + squares / (1.0 - MEMORIES**2)[:, None, None])
+    products = np.asarray(first.T @ first + squares / (1.0 - MEMORIES**2)[:, None, None])
+    in_time = _memories(block)[0][MEMORIES.size :]
+    if not in_time:
+        return products
+    innovations = [memory_innovations(series.T, m, scales[:, 0]) for m in in_time]
+    return np.concatenate([products, [w @ w.T for w in innovations]])
 
 
-def _restricted(products: Floats, log_scale: Floats, n: int) -> tuple[Floats, Floats]:
+def _restricted(
+    products: Floats, log_scale: Floats, n: int, held: Floats | None = None
+) -> tuple[Floats, Floats]:
     """Restricted log likelihoods of memories, up to a constant, with the standard deviations that go with them.
 
     Parameters
     ----------
     products : ndarray, shape (m, k + 1, k + 1)
-        Of the innovations of the smooth columns and, last, of the residuals.
+        Of the innovations of the columns and, last, of the residuals.
     log_scale : ndarray, shape (m,)
         Sum over samples of the logarithm of the scale of an innovation at unit standard deviation.
     n : int
         Samples.
+    held : ndarray, shape (k,), optional
+        Precisions of the coefficients, over that of the innovations; 0, of what nothing is known of, if not given.
     """
-    gram, pull = _normal_equations(products)
-    free = max(n - gram.shape[1], 1)
+    held = np.zeros(products.shape[-1] - 1) if held is None else held
+    gram, pull = _normal_equations(products, held)
+    free = max(n - int(np.sum(held == 0.0)), 1)
     explained = np.sum(pull * np.linalg.solve(gram, pull[..., None])[..., 0], axis=1)
     sd = np.sqrt(np.maximum(products[:, -1, -1] - explained, 1e-300) / free)
     return -free * np.log(sd) - log_scale - 0.5 * np.linalg.slogdet(gram)[1], sd
