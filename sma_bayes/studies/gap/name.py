@@ -69,6 +69,9 @@ MISSHAPEN = 20.0
 """Log Bayes factor from which on a curve surely has another shape than the model's."""
 BELIEVABLE = 0.999
 """Share of the prior of a parameter within which an effect is what its name says; its size may lie anywhere."""
+HARDLY_LESS = 0.01
+"""Share of what an effect explains that it may lose with numbers that can be believed: no form is exact, and what is
+plain to see tells its numbers from the next ones by far more than `WORTH`."""
 HALF = 0.5
 """Share that an effect must carry to be judged by the noise beside it as well."""
 CANCELS = 2.0
@@ -445,7 +448,7 @@ def judged(
     rivals : Rivals
         The best of that, and shapes.
     """
-    extended = within_range(extended)
+    extended = within_range(extended, extended.ln_evidence - fitted.ln_evidence)
     guard, covariate = flexible_alternative(signature_at_mode(fitted, extended), flexible, screened)
     gained = extended.ln_evidence - fitted.ln_evidence
     beside = EvidenceBeside.of(gained, offer(extended), rivals.terms) if gained >= WORTH else None
@@ -528,18 +531,26 @@ def is_plausible(hypothesis: Hypothesis, z: Floats) -> bool:
     return np.array_equal(_nearest_believable(hypothesis, z), z)
 
 
-def within_range(fitted: FittedHypothesis) -> FittedHypothesis:
+def within_range(fitted: FittedHypothesis, gained: float = 0.0) -> FittedHypothesis:
     """A fit as it is if its last effect has numbers that its mechanism can have, or with the nearest ones that it can.
 
     A time constant that is shorter than the data resolve has its mode anywhere below. What counts is whether the effect
-    explains as much, within `WORTH`, with numbers that can be believed; where it does not, it fits only with others.
+    explains as much, within `WORTH`, or `HARDLY_LESS` of it, with numbers that can be believed; where it does not, it
+    fits only with others.
+
+    Parameters
+    ----------
+    fitted : FittedHypothesis
+    gained : float
+        Log Bayes factor of the effect.
     """
     nearest = _nearest_believable(fitted.hypothesis, fitted.z)
     if np.array_equal(nearest, fitted.z):
         return fitted
     held = fitted.hypothesis.effect_positions[fitted.hypothesis.effects[-1].id].size - 1
     believable = fit_held(fitted.hypothesis, nearest, fitted.noise, held)
-    return believable if believable.ln_evidence > fitted.ln_evidence - WORTH else fitted
+    enough = fitted.ln_evidence - max(WORTH, HARDLY_LESS * gained)
+    return believable if believable.ln_evidence > enough else fitted
 
 
 def _nearest_believable(hypothesis: Hypothesis, z: Floats) -> Floats:

@@ -13,7 +13,15 @@ from sma_bayes.records.history import histories
 from sma_bayes.records.types import Campaign
 from sma_bayes.studies.gap.fitting import fit_held, fit_with_noise, held_at
 from sma_bayes.studies.gap.hypothesis import baseline
-from sma_bayes.studies.gap.name import Rivals, cancels, candidates, is_plausible, screen_all, within_range
+from sma_bayes.studies.gap.name import (
+    WORTH,
+    Rivals,
+    cancels,
+    candidates,
+    is_plausible,
+    screen_all,
+    within_range,
+)
 from sma_bayes.studies.gap.scatter import holds_beside, lay_together, members_of
 from sma_bayes.studies.gap.study import baseline_start, study_campaign
 
@@ -133,6 +141,17 @@ def test_an_effect_with_a_number_beyond_its_range_is_judged_with_the_nearest_wit
     again = fit_held(extended, nearest.z, fitted.noise, 1)
     assert nearest.log_likelihood == pytest.approx(again.log_likelihood, abs=0.05)
     assert within_range(nearest) is nearest
+
+
+def test_numbers_beyond_their_range_do_not_count_where_the_nearest_within_explain_nearly_as_much(rig) -> None:
+    """A hundredth of what the effect explains: strong signals tell numbers apart that no form has exactly."""
+    fitted = baseline_of(rig(drift=0.02).campaign())
+    extended = fitted.hypothesis.extended(EFFECTS["training_drift"])
+    far = fit_held(extended, np.append(fitted.z, [0.001, np.log(12.0) + 4.0 * 0.85]), fitted.noise, 1)
+    lost = WORTH + 3.0
+    costly = replace(far, ln_evidence=within_range(far).ln_evidence + lost)
+    assert within_range(costly, 90.0 * lost) is costly
+    assert is_plausible(extended, within_range(costly, 110.0 * lost).z)
 
 
 @pytest.mark.parametrize(("share", "beyond"), [(1.9, False), (2.1, True), (-2.1, True)])
