@@ -36,8 +36,10 @@ MEMORIES = np.concatenate([[-0.6, -0.3, -0.15], np.tanh(np.linspace(0.0, 2.65, 2
 GROWS = 5.0
 """Standard errors from which the size of innovations counts as changing with the response; such as does not, once in a
 million."""
-LONGEST = 1.5
-"""Sweeps that may count as one sample under chance: what remembers for longer is a wave that wants an explanation."""
+LONGEST, OF_RECORD = 1.5, 0.75
+"""Sweeps, and share of an uninterrupted record, that may count as one sample under chance: what remembers for longer is
+a wave that wants an explanation. Of one cycle they are the same; several cycles tell by their likelihood how long noise
+remembers."""
 PROBABLE = 1e-3
 """A memory that is less likely than the likeliest one by more than this factor is left out of account."""
 DEGREES = (2.0, 3.0, 5.0, 9.0)
@@ -111,9 +113,10 @@ class ChannelBlock:
 
     @property
     def possible(self) -> NDArray[np.bool_]:
-        """Which of `MEMORIES` chance may have: at most `LONGEST` sweeps count as one sample."""
+        """Which of `MEMORIES` chance may have: at most `LONGEST` sweeps or `OF_RECORD` count as one sample."""
         samples = (1.0 + MEMORIES) / (1.0 - MEMORIES)
-        return np.asarray(samples <= LONGEST * self.sweep)
+        whole = self.first.size / max(int(self.first.sum()), 1)
+        return np.asarray(samples <= max(LONGEST * self.sweep, OF_RECORD * whole))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -129,14 +129,27 @@ def test_memory_in_time_is_told_from_memory_in_samples(history: History, smooth:
             assert abs(short - 0.8) < 0.12
 
 
-@pytest.mark.parametrize(("samples", "longest"), [(4, 0.71), (40, 0.967), (67, 0.980), (4000, 0.991)])
-def test_chance_remembers_no_longer_than_one_and_a_half_sweeps(samples: int, longest: float, rig) -> None:
-    """(1 + phi)/(1 - phi) = 1.5 n at the bound; 0.99 is the longest memory that is tried at all."""
-    campaign = rig(periods=(60.0,), loads=(1.0,), cycles=2, samples=samples).campaign()
+@pytest.mark.parametrize(
+    ("cycles", "samples", "longest"),
+    [(1, 4, 0.71), (1, 40, 0.967), (1, 67, 0.980), (1, 4000, 0.991), (2, 4, 0.846), (5, 4, 0.9355)],
+)
+def test_chance_remembers_no_longer_than_three_quarters_of_a_record(
+    cycles: int, samples: int, longest: float, rig
+) -> None:
+    """(1 + phi)/(1 - phi) = 1.5 n in one cycle at the bound; 0.99 is the longest memory that is tried at all."""
+    campaign = rig(periods=(60.0,), loads=(1.0,), cycles=cycles, samples=samples).campaign()
     hypothesis = baseline(campaign, histories(campaign), read_priors("modified_sigmoid"), pooled=True)
     (block,) = blocks_of(hypothesis)
-    assert MEMORIES[block.possible].max() <= longest
-    assert all((1.0 + phi) / (1.0 - phi) > 1.5 * samples for phi in MEMORIES[~block.possible])
+    assert longest - 0.1 < MEMORIES[block.possible].max() <= longest
+    assert all((1.0 + phi) / (1.0 - phi) > 1.5 * cycles * samples for phi in MEMORIES[~block.possible])
+
+
+def test_chance_forgets_where_a_record_is_interrupted() -> None:
+    first = np.tile(np.arange(30) == 0, 4)
+    block = ChannelBlock(0, "displacement", slice(0, 120), first, np.ones(120), sweep=15.0)
+    whole = replace(block, first=np.arange(120) == 0)
+    assert np.count_nonzero(block.possible) < np.count_nonzero(whole.possible)
+    np.testing.assert_array_equal(block.possible, replace(block, sweep=0.0).possible)
 
 
 @pytest.mark.parametrize(("phi", "seems_longer"), [(0.5, False), (0.999, True)])
@@ -146,7 +159,7 @@ def test_chance_remembers_as_long_as_noise_seems_to(
     segment, clock = history.inputs["segment"], history.inputs["order"]
     rng = np.random.default_rng(5)
     e = np.linalg.cholesky(correlation(phi, clock, segment)) @ rng.standard_normal(history.n)
-    block = replace(block_of(history, np.ones(history.n)), sweep=10.0)
+    block = replace(block_of(history, np.ones(history.n)), sweep=10.0)  # interrupted after every sweep of 40
     found, free = block_noise(e, block, smooth), block_noise(e, replace(block, sweep=np.inf), smooth)
     longest = MEMORIES[block.possible].max()
     seems = found.memory.max()
