@@ -282,3 +282,30 @@ def test_a_printed_page_has_no_more_pages_than_it_needs(report: Path, tmp_path: 
     browser(f"--print-to-pdf={out}", report.as_uri())
     pages = len(re.findall(rb"/Type\s*/Page\b", out.read_bytes()))
     assert 3 <= pages <= 25
+
+
+def test_a_heading_of_rows_is_printed_on_the_page_of_its_first_row(tmp_path: Path) -> None:
+    """Wherever on a page a table begins; links tell on which page what they stand in is printed."""
+    style = (resources.files("sma_bayes.report") / "templates" / "report.css").read_text(encoding="utf-8")
+    tables = "".join(
+        f'<div style="break-before: page; height: {above}mm"></div><table><tbody><tr class="group"><th>'
+        f'<a href="https://example.org/group-{above}">group</a></th></tr>'
+        f'<tr><td><a href="https://example.org/row-{above}">row</a></td></tr></tbody></table>'
+        for above in range(200, 250)
+    )
+    page, out = tmp_path / "page.html", tmp_path / "page.pdf"
+    page.write_text(f"<!DOCTYPE html><style>{style}</style>{tables}", encoding="utf-8")
+    browser(f"--print-to-pdf={out}", page.as_uri())
+    printed = out.read_bytes()
+    linked = dict(
+        re.findall(rb"(\d+) 0 obj\n<</Type /Annot\b[^(]*/URI \(https://example.org/([\w-]+)\)", printed)
+    )
+    pages = [
+        {linked[number] for number in re.findall(rb"(\d+) 0 R", found)}
+        for found in re.findall(rb"/Annots \[([^]]*)\]", printed)
+    ]
+    assert len(linked) == 100
+    for names in pages:
+        assert {n for n in names if n.startswith(b"group")} == {
+            n.replace(b"row", b"group") for n in names if n.startswith(b"row")
+        }
