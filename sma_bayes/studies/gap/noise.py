@@ -1,12 +1,12 @@
 """The noise that hypotheses are judged by.
 
 Noise of each history and channel is an AR(1) series, in sample index or in time. What a model misses looks like memory
-too: estimated from its residuals, the memory would absorb the very disagreement that is looked for. So it is
-estimated from what is left after smooth functions of temperature on each branch, and a level of each cycle, have been
-taken out, by restricted likelihood, which counts the freedom that they use up; and smooth functions of time and of
-whatever else was recorded as well, where these describe more than noise does. Where noise that remembers is left, the
-curve's own stroke, place and width are taken out, too, and what changes these with something recorded, where that is
-likelier than noise that remembers. Noise without any misfit is then estimated without bias, and a misfit that repeats
+too: estimated from its residuals, the memory would absorb the very disagreement that is looked for. So it is estimated
+from what is left after smooth functions of temperature on each branch, and a level of each cycle, have been taken out,
+by restricted likelihood, which counts the freedom that they use up; and smooth functions of time and of whatever else
+was recorded as well, where these describe more than noise does. Where noise that remembers is left, what changes the
+curve with something recorded is taken out, too, where it describes more than such noise does; and of a short record the
+stroke, place and width of its own. Noise without any misfit is then estimated without bias, and a misfit that repeats
 from cycle to cycle, or follows something recorded, does not pass for noise. All hypotheses of a round share the
 estimate.
 """
@@ -64,9 +64,8 @@ ON_CURVE = {"cycle": 5, "rate": 4, "ambient_temperature": 4, "current": 4}
 """Splines of what may change the curve itself, its stroke and its place on the axis of temperature."""
 SIZES = np.geomspace(0.03, 100.0, 10)
 """Sizes of changes of the curve that are tried, in standard deviations of the noise."""
-BEYOND_DOUBT = math.log(1e6)
-"""Log Bayes factor from which on changes of the curve and what noise is left beside them are taken for what noise alone
-would have to remember."""
+BEYOND_DOUBT = 1e-6
+"""The same for these, which are many; where they are weighed by their evidence, its inverse is the Bayes factor."""
 REMEMBERS = 0.8
 """Memory from which on they are tried: what changes the curve passes for noise that remembers, or not for noise."""
 LESS_LONG = 0.5
@@ -228,10 +227,11 @@ def noise_of(
         misfit = np.concatenate([smooth, courses / np.maximum(np.abs(courses).max(axis=0), 1e-300)], axis=1)
         response = history.observed[block.channel] - own
         recorded = recorded_columns(inputs, misfit)
-        changes = None
+        changed = changes = None
         if block.channel != "temperature":
+            changed = partial(_changed, hypothesis, block, theta, response, misfit, recorded)
             changes = partial(_changes, hypothesis, block, theta, response)
-        out.append(block_noise(own, block, misfit, lattice, recorded, response, changes))
+        out.append(block_noise(own, block, misfit, lattice, recorded, response, changed, changes))
         beside.append((smooth, courses))
     return _with_scattered_switching(blocks, out, residual, beside)
 
@@ -253,6 +253,20 @@ def _with_scattered_switching(
         replace(own, switching=Scatter.of(size, size * courses, own.whiten)) if size and courses.size else own
         for own, (_, courses) in zip(noise, beside, strict=True)
     )
+
+
+def _changed(
+    hypothesis: Hypothesis,
+    block: ChannelBlock,
+    theta: Floats,
+    response: Floats,
+    misfit: Floats,
+    recorded: Floats,
+) -> Floats:
+    """See `curve_columns`; made where noise that remembers is left, as most of it does not."""
+    curve = (response, slope_of(hypothesis, block, theta))
+    inputs = hypothesis.histories[block.history].inputs
+    return curve_columns(inputs, curve, np.concatenate([misfit, recorded], axis=1))
 
 
 def _changes(hypothesis: Hypothesis, block: ChannelBlock, theta: Floats, response: Floats) -> list[Floats]:
@@ -294,6 +308,27 @@ def recorded_columns(inputs: Mapping[str, Floats], smooth: Floats) -> Floats:
     smooth : ndarray, shape (n, k)
     """
     return _free_of(smooth, _functions_of(inputs, RECORDED, len(smooth) // EACH))
+
+
+def curve_columns(inputs: Mapping[str, Floats], curve: Sequence[Floats], smooth: Floats) -> Floats:
+    """What changes the curve with something recorded, orthonormal and free of the columns `smooth` (n, k), (n, j).
+
+    A sweep is a common shape with an offset, a stroke and a shift in temperature, on either branch. What changes these
+    with the cycle or the rate, as training and a lagging sensor do, is a product of the curve or its slope with a
+    function of what was recorded.
+
+    Parameters
+    ----------
+    inputs : mapping of str to ndarray, shape (n,)
+        Of a history.
+    curve : sequence of ndarray, shape (n,)
+        The response as predicted, and its slope against temperature.
+    smooth : ndarray, shape (n, k)
+    """
+    parts = [(x - x.mean()) / max(float(np.std(x)), 1e-300) for x in curve]
+    on_branch = row_tensor_product(indicators(inputs["branch"]), np.stack(parts, axis=1))
+    most = len(smooth) // (EACH * on_branch.shape[1])
+    return _free_of(smooth, [row_tensor_product(on_branch, f) for f in _functions_of(inputs, ON_CURVE, most)])
 
 
 def curve_changes(inputs: Mapping[str, Floats], response: Floats, slope: Floats) -> list[Floats]:
@@ -367,6 +402,7 @@ def block_noise(
     lattice: float = 0.0,
     recorded: Floats | None = None,
     response: Floats | None = None,
+    changed: Callable[[], Floats] | None = None,
     changes: Callable[[], Sequence[Floats]] | None = None,
 ) -> BlockNoise:
     """Standard deviation and memory of greatest restricted likelihood.
@@ -388,40 +424,55 @@ def block_noise(
     response : ndarray, shape (n,), optional
         What the model predicts. Where the size of innovations changes with it beyond doubt they get a width that does:
         in the shuffled series of chance, and as heavy tails, it would be even.
+    changed : callable, optional
+        Makes columns (n, l) of changes of the curve (see `curve_columns`), which are taken out together with those of
+        what was recorded where noise that remembers is left and all of these describe more than it does beyond doubt.
     changes : callable, optional
-        Makes sets of columns of changes of the curve (see `curve_changes`), asked where noise that remembers is left.
-        The first set is taken out then, the others where they describe more than noise does beyond doubt and leave it a
-        much shorter memory.
+        Makes sets of columns of changes of the curve (see `curve_changes`), in place of those where samples are too few
+        for any. The first set is taken out then, the others where they describe more than noise does beyond doubt and
+        leave it a much shorter memory.
     """
     noise, innovations = _likeliest(residual, block, smooth, 1.0)
+    misfit, more = smooth, smooth[:, :0]
     if recorded is not None and recorded.shape[1]:
-        both = np.concatenate([smooth, recorded], axis=1)
+        more = recorded
+        both = np.concatenate([misfit, more], axis=1)
         beside = _likeliest(residual, block, both, 1.0)
-        if _by_chance(residual, beside[0], smooth, both) < BEYOND_NOISE:
+        if _by_chance(residual, beside[0], misfit, both) < BEYOND_NOISE:
             smooth, (noise, innovations) = both, beside
-    changed: Floats | None = None
-    if changes is not None and np.median(noise.memory) >= REMEMBERS:
+    remembers = np.median(noise.memory) >= REMEMBERS
+    columns = changed() if changed is not None and remembers else smooth[:, :0]
+    random: Floats | None = None
+    if columns.shape[1]:
+        both = np.concatenate([misfit, more, columns], axis=1)
+        beside = _likeliest(residual, block, both, 1.0)
+        # the memory beside so many columns is hardly known: whatever it may be, they must describe more than noise does
+        if _is_shorter(beside[0], noise) and all(
+            p * _by_chance(residual, o, misfit, both) < BEYOND_DOUBT for p, o in beside[0].others
+        ):
+            smooth, (noise, innovations) = both, beside
+    elif changes is not None and remembers:
         own, *sets = changes()
         smooth = np.concatenate([smooth, own], axis=1)
         noise, innovations = _likeliest(residual, block, smooth, 1.0)
-        taken = _changes_beyond_noise(residual, block, smooth, sets) if sets else None
-        if taken is not None:
-            beside = _likeliest(residual, block, smooth, 1.0, taken)
-            if _samples_as_one(beside[0]) <= LESS_LONG * _samples_as_one(noise):
-                changed, (noise, innovations) = taken, beside
+        found = _changes_beyond_noise(residual, block, smooth, sets) if sets else None
+        if found is not None:
+            beside = _likeliest(residual, block, smooth, 1.0, found)
+            if _is_shorter(beside[0], noise):
+                random, (noise, innovations) = found, beside
     width: Floats | float = 1.0
     if response is not None:
-        found = growth(innovations, response)
-        if found.is_noise:
-            width = np.exp(found.slope * response / np.ptp(response))
+        grown = growth(innovations, response)
+        if grown.is_noise:
+            width = np.exp(grown.slope * response / np.ptp(response))
             width = width / np.sqrt(np.mean(width**2))
-            noise, innovations = _likeliest(residual, block, smooth, width, changed)
+            noise, innovations = _likeliest(residual, block, smooth, width, random)
     narrowest = noise.sd * float(np.sqrt(1.0 - np.median(noise.memory) ** 2))
     for _ in range(REWEIGHTED if lattice < narrowest else 0):
         scale = tail_scale(innovations / width)
         if scale is None:
             break
-        noise, innovations = _likeliest(residual, block, smooth, width * scale, changed)
+        noise, innovations = _likeliest(residual, block, smooth, width * scale, random)
     return noise
 
 
@@ -432,7 +483,7 @@ def _changes_beyond_noise(
 
     Coefficients are normal, of a common size; sets, sizes and memories are averaged over. That average is compared with
     the likeliest memory of noise alone, whatever it is. So noise that is AR(1) is taken for columns with a probability
-    of `exp(-BEYOND_DOUBT)` at most, however many columns there are and however little is known of its memory (by
+    of `BEYOND_DOUBT` at most, however many columns there are and however little is known of its memory (by
     Markov's inequality, as the expected Bayes factor against the truth is 1).
 
     Parameters
@@ -452,7 +503,7 @@ def _changes_beyond_noise(
     alone = _restricted(_products(np.column_stack([smooth, residual]), block), log_scale, residual.size)[0]
     found = np.stack([_with_random(residual, block, smooth, columns, log_scale) for columns in sets])
     average = logsumexp(found) - np.log(found.size)
-    if average < alone.max() + BEYOND_DOUBT:
+    if average < alone.max() - math.log(BEYOND_DOUBT):
         return None
     which, size = divmod(int(np.argmax(logsumexp(found, axis=2))), SIZES.size)
     return np.asarray(sets[which] * SIZES[size])
@@ -613,6 +664,11 @@ def growth(innovations: Floats, response: Floats) -> Growth:
     inverse = np.linalg.inv(precision)
     _, slope, hump = (inverse @ (columns.T @ size)).tolist()
     return Growth(slope, math.pi / math.sqrt(8.0) * math.sqrt(inverse[1, 1]), hump)
+
+
+def _is_shorter(beside: BlockNoise, noise: BlockNoise) -> bool:
+    """Whether noise remembers for a share of `LESS_LONG` at most of what it did before columns were taken out."""
+    return _samples_as_one(beside) <= LESS_LONG * _samples_as_one(noise)
 
 
 def _samples_as_one(noise: BlockNoise) -> float:

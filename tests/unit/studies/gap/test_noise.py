@@ -24,6 +24,7 @@ from sma_bayes.studies.gap.noise import (
     block_noise,
     blocks_of,
     curve_changes,
+    curve_columns,
     growth,
     recorded_columns,
     smooth_columns,
@@ -303,9 +304,16 @@ def test_what_changes_the_curve_with_the_cycle_does_not_pass_for_memory(samples:
     recorded = recorded_columns(history.inputs, smooth)
     block = without_a_break(history)
     assert np.median(block_noise(series, block, smooth, recorded=recorded).memory) > 0.9
+    beside = np.concatenate([smooth, recorded], axis=1)
     found = block_noise(
-        series, block, smooth, recorded=recorded, changes=lambda: curve_changes(history.inputs, curve, slope)
+        series,
+        block,
+        smooth,
+        recorded=recorded,
+        changed=lambda: curve_columns(history.inputs, (curve, slope), beside),
+        changes=lambda: curve_changes(history.inputs, curve, slope),
     )
+    assert (curve_columns(history.inputs, (curve, slope), beside).shape[1] > 0) == (samples == 100)
     error = 1.0 / np.sqrt(history.n)
     assert abs(float(np.median(found.memory))) < 3.0 * error + GRID
     assert found.sd == pytest.approx(1.0, abs=3.0 * error)
@@ -348,6 +356,18 @@ def test_noise_that_remembers_is_not_taken_for_changes_with_the_cycle(
     for series in remembering(phi, history.n, 50, np.random.default_rng(9)):
         beside_own = block_noise(series, block, smooth, changes=lambda: [own])
         assert block_noise(series, block, smooth, changes=lambda: [own, *sets]).sd == beside_own.sd
+
+
+def test_noise_that_remembers_keeps_its_memory_beside_changes_of_the_curve() -> None:
+    """Fifty long series with a memory of 0.95; one of a million may be taken for a change of the curve."""
+    history, curve, slope = cycled(5, 100)
+    smooth = smooth_columns(history, history.inputs["temperature"])
+    recorded = recorded_columns(history.inputs, smooth)
+    changed = curve_columns(history.inputs, (curve, slope), np.concatenate([smooth, recorded], axis=1))
+    block = without_a_break(history)
+    for series in remembering(0.95, history.n, 50, np.random.default_rng(9)):
+        plain = block_noise(series, block, smooth, recorded=recorded)
+        assert block_noise(series, block, smooth, recorded=recorded, changed=lambda: changed).sd == plain.sd
 
 
 def test_a_long_memory_is_found_without_bias_beside_the_curve() -> None:
