@@ -64,7 +64,7 @@ PACE_SD: Final = 1.2
 """Standard deviation of the prior of ln N0 about that of `USUAL_PACE`: 90 % between 0.7 and 36 cycles."""
 SIZES: Final = np.array([1.0, 0.3, 0.1, 0.03])
 """Standard deviations of the change by a law on the grid [usual changes], equally probable."""
-SCATTERS: Final = np.geomspace(0.002, 50.0, 12)
+SCATTERS: Final = np.geomspace(0.002, 50.0, 20)
 """Standard deviations of the effect of a sweep on the grid [usual ones]; the least are below what any rig tells."""
 STEPS: Final = np.geomspace(0.003, 10.0, 8)
 """First steps of the walk on the grid [usual scatter], by either clock."""
