@@ -1,7 +1,8 @@
 """Measure whether `converged` holds for the tails: draws as shipped against long independent runs.
 
 Records are drawn from every noise model of the catalogue that is a density, with curves of every kind below; each is
-fitted with every noise of the catalogue in turn, and with `auto`. A long run of another algorithm, differential
+fitted with every noise of the catalogue in turn, and with `auto`, and in ten numbers of each twenty with the published
+model, in the other ten with the richer ones of the ladder in turn. A long run of another algorithm, differential
 evolution of emcee from dispersed starts, four ensembles that stop when they agree, is the reference; where it does not
 reach its own target, the record is counted as undecided.
 
@@ -39,8 +40,8 @@ from sma_bayes.arrays import Floats
 from sma_bayes.fitting.fit_records import AUTO, fit_records
 from sma_bayes.fitting.posterior import Posterior
 from sma_bayes.noise import NOISE_MODELS, NoiseModel, Steps
-from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.types import Branch, Condition, Record
+from sma_bayes.response import ResponseModel, ladder
 from sma_bayes.sampling.bridge import bridge_evidence
 from sma_bayes.sampling.convergence import Target, assess
 from sma_bayes.sampling.moves import differential_evolution
@@ -122,6 +123,7 @@ class Row:
     channels: str
     drawn_with: str
     asked: str
+    model: str
     noise: str
     n: int
     method: str
@@ -161,6 +163,12 @@ def record_of(number: int, seed: int) -> tuple[Record, Curve, str, str]:
     noise = drawn[int(rng.integers(len(drawn)))]
     asked_for = asked[number % len(asked)] if number % 2 else AUTO
     return _drawn(curve, channels, NOISE_MODELS[noise], number, rng), curve, noise, asked_for
+
+
+def model_of(number: int, channels: Sequence[str]) -> type[ResponseModel]:
+    """Model that a record is fitted with, by its number: the published one, or a richer one that its channels tell."""
+    published, *richer = ladder(channels)
+    return richer[number % len(richer)] if richer and number // 10 % 2 else published
 
 
 def _drawn(
@@ -245,7 +253,8 @@ def reference(
 def measured(number: int, seed: int, length: Length) -> Row:
     """Fit one record as shipped, and compare it with its reference."""
     record, curve, drawn_with, asked = record_of(number, seed)
-    fit = fit_records([record], read_priors("modified_sigmoid"), noise=asked, seed=seed)
+    kind = model_of(number, record.channels)
+    fit = fit_records([record], kind.default_priors(), model=kind(record.channels), noise=asked, seed=seed)
     sample_s = fit.account.cpu["sample"]
     draws, posterior = fit.draws, fit.posterior
     d = draws.z.shape[-1]
@@ -270,6 +279,7 @@ def measured(number: int, seed: int, length: Length) -> Row:
         channels="+".join(record.channels),
         drawn_with=drawn_with,
         asked=asked,
+        model=kind.name,
         noise=posterior.noise.name,
         n=record.n,
         method=draws.method,
@@ -290,15 +300,15 @@ def measured(number: int, seed: int, length: Length) -> Row:
 
 
 def table(rows: Sequence[Row], slack: float) -> str:
-    """Markdown table: for each noise fitted, converged records and how many of them are wrong in what."""
+    """Markdown table: for each noise and model fitted, converged records and how many of them are wrong in what."""
     lines = [
-        "| noise | records | converged | decided | quantile | sd | ln Z | after an audit or DE | median s |",
+        "| noise or model | records | converged | decided | quantile | sd | ln Z | after an audit or DE | median s |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
     if not rows:
         return "\n".join(lines)
-    for name in ["all", *sorted({r.noise for r in rows})]:
-        own = [r for r in rows if name in ("all", r.noise)]
+    for name in ["all", *sorted({r.noise for r in rows}), *sorted({r.model for r in rows})]:
+        own = [r for r in rows if name in ("all", r.noise, r.model)]
         good = [r for r in own if r.converged]
         decided = [r for r in good if r.reference_reached]
         wrong = [w for r in decided for w in r.wrong(slack)]
@@ -313,8 +323,9 @@ def table(rows: Sequence[Row], slack: float) -> str:
 
 def _tell(row: Row) -> None:
     print(
-        f"{row.number} {row.curve}, {row.channels}, {row.noise}: {row.method}, off {row.quantile_off:.3f} sd "
-        f"({row.at}, {100 * row.beyond:.1f} % beyond), sd {100 * row.sd_off:.1f} %, ln Z {row.ln_z_off:.1f}; "
+        f"{row.number} {row.curve}, {row.channels}, {row.model}, {row.noise}: {row.method}, "
+        f"off {row.quantile_off:.3f} sd ({row.at}, {100 * row.beyond:.1f} % beyond), "
+        f"sd {100 * row.sd_off:.1f} %, ln Z {row.ln_z_off:.1f}; "
         f"reference {row.reference_error:.3f}; {row.sample_s:.2f} s, {row.reference_s:.1f} s",
         file=sys.stderr,
         flush=True,
