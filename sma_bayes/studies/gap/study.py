@@ -20,6 +20,7 @@ from sma_bayes.records.history import History, histories
 from sma_bayes.records.types import Branch, Campaign
 from sma_bayes.response.base import ResponseModel
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
+from sma_bayes.studies.gap.effect_form import EffectForms
 from sma_bayes.studies.gap.fitting import FittedHypothesis, added_by, fit_hypothesis, fit_with_noise
 from sma_bayes.studies.gap.flexible import FlexibleTerms, gains, offer, terms_of, worth_of
 from sma_bayes.studies.gap.hypothesis import Hypothesis, baseline
@@ -35,6 +36,7 @@ from sma_bayes.studies.gap.name import (
     screen,
     screen_all,
     share_of,
+    signature_at_mode,
 )
 from sma_bayes.studies.gap.scatter import MOSTLY, holds_beside, members_of
 from sma_bayes.studies.gap.schema import StatedPeriodicity, Verdict
@@ -49,6 +51,11 @@ FURTHER = 0.2
 """Share of what the effects before it explain that a further one must bring: less may be the form of these."""
 ENDS_IT = 0.5
 """Share of that which is enough where nothing is left to explain afterwards: what a form leaves has no such end."""
+OWN_FORM = 0.05
+"""Share of what a further effect explains that it must explain beside other forms of those before it, in any case. What
+the second laws of the gap benchmark leave of their effects has less than 0.03, another effect 0.15 to 1."""
+BEYOND_FORM = 0.2
+"""That share from which on a law is enough however little it explains beside those before it."""
 FIRST_OF_SEVERAL = 3
 """How many effects, best first, are tried as the first of several where no single one is added."""
 AT_ONCE = 3
@@ -212,11 +219,12 @@ def study_from(
         one = found[0].chosen
         alone = one is not None and not members_of(one.effect)
         missing = not alone and len(steps) <= MOST - 2 and not found[0].only_shape
-        if missing and _lacking(found[0], bare, current, explained):
+        lacking = _lacking(found[0], bare, current, explained)
+        if missing and (lacking or (steps and _something_else(found[0]))):
             tell(f"trying several effects at once, round {len(steps) + 1}")
             laws = effects if one is None else {k: e for k, e in effects.items() if not members_of(e)}
-            needed = least if one is None else max(least, MOSTLY * one.ln_bayes_factor)
-            found = several_rounds(found[0], laws, rng, needed, most=MOST - len(steps)) or found
+            over = WORTH if one is None else MOSTLY * one.ln_bayes_factor
+            found = several_rounds(found[0], laws, rng, least, over, most=MOST - len(steps)) or found
         steps += found
         chosen = steps[-1].chosen
         if chosen is None or chosen.fitted is None:
@@ -272,12 +280,13 @@ def one_round(
     tried = candidates(current, screened, seen.gains, rivals, most=refitted, steps=steps)
     terms = None if rivals is None else rivals.terms
     fitted = [c for c in tried if c.fitted is not None]
+    forms = EffectForms(current)
     enough = [
         c
         for c in fitted
-        if c.ln_bayes_factor >= (ENDS_IT * least if _ends_it(c) else least) or _is_apart(c, current, apart)
+        if is_worthy(c) and _is_enough(c, ENDS_IT * least if _ends_it(c) else least, apart, forms)
     ]
-    worthy = _laws_first([c for c in enough if is_worthy(c)])
+    worthy = _laws_first(enough)
     if not worthy:
         return Step(current, seen, (*tried, *untested), None, (), terms)
     chosen = _preferred(worthy)
@@ -308,16 +317,36 @@ def least_by_channel(current: FittedHypothesis, steps: Sequence[Step]) -> dict[s
 def _is_apart(candidate: Candidate, current: FittedHypothesis, least: Mapping[str, float]) -> bool:
     """Whether it is worth enough in one channel by itself, and as great a share of all that it is worth.
 
-    Its log Bayes factor is shared out among the channels as the gain of log likelihood is.
+    Its log Bayes factor is shared out among the channels as the gain of log likelihood is. What each run or cycle has
+    of its own explains a part of anything, so that it has to carry most of what there is.
     """
-    found = candidate.fitted
-    if found is None:
+    found, beside = candidate.fitted, candidate.beside
+    if found is None or (members_of(candidate.effect) and (beside is None or beside.carried < CARRIED)):
         return False
     gained = current.whitened**2 - found.whitened**2
     own = {c: sum(float(gained[b.at].sum()) for b in current.blocks if b.channel == c) for c in least}
     whole = sum(max(g, 0.0) for g in own.values())
     needed = FURTHER * candidate.ln_bayes_factor
     return any(candidate.ln_bayes_factor * g >= max(least[c], needed) * whole > 0.0 for c, g in own.items())
+
+
+def _is_enough(candidate: Candidate, least: float, apart: Mapping[str, float], forms: EffectForms) -> bool:
+    """Whether a worthy effect explains so much, or something so different, that it is not the form of those before."""
+    share = _share_beyond(candidate, forms)
+    if candidate.ln_bayes_factor >= least or _is_apart(candidate, forms.fitted, apart):
+        return share >= OWN_FORM
+    return _is_surely_another(candidate, share)
+
+
+def _share_beyond(candidate: Candidate, forms: EffectForms) -> float:
+    found = candidate.fitted
+    return 0.0 if found is None else forms.share_beyond(signature_at_mode(forms.fitted, found))
+
+
+def _is_surely_another(candidate: Candidate, share: float) -> bool:
+    """Whether a law surely explains something else than what the form of the effects before it may leave."""
+    law = not members_of(candidate.effect)
+    return law and candidate.ln_bayes_factor >= MISSHAPEN and share >= BEYOND_FORM
 
 
 def _ends_it(candidate: Candidate) -> bool:
@@ -384,18 +413,20 @@ def several_rounds(
     effects: Mapping[str, Effect],
     rng: np.random.Generator,
     least: float = WORTH,
+    over: float = WORTH,
     most: int = AT_ONCE,
 ) -> list[Step]:
     """Two effects at once, or three, where no single one deserves to be added; empty where these don't either.
 
     With others still missing, a flexible term that takes part of all can beat each of them. So each is judged anew
     beside the others, by the same rules; and since there are many such sets, some of which mimic an effect that is not
-    in the catalogue, all together have to be worth more than the best flexible term, by `WORTH`, and at least `least`.
-    Sets begin with one of the best effects and grow by the best on top of them; three are tried where no two do.
+    in the catalogue, all together have to be worth more than the best flexible term, by `WORTH`, at least `over`, and
+    at least `least` unless each explains something else than the form of those before it may leave. Sets begin with one
+    of the best effects and grow by the best on top of them; three are tried where no two do.
     """
     promising = [c for c in _promising(first) if c.effect.id in effects]
     best = first.look.best.ln_bayes_factor
-    needed = max(least, best + WORTH)
+    needed = max(over, best + WORTH)
     chains = [
         [_added(first, one, promising)]
         for one in promising[:FIRST_OF_SEVERAL]
@@ -404,7 +435,8 @@ def several_rounds(
     for _ in range(1, min(AT_ONCE, most)):
         grown = _different([longer for chain in chains if (longer := _grown(chain, effects, rng))])
         for chain in grown:
-            if _together(chain) >= needed and _hold_together(chain):
+            enough = _together(chain) >= least or _each_is_another(chain)
+            if _together(chain) >= needed and enough and _hold_together(chain):
                 return chain
         chains = [c for c in grown if _together(c) >= HALF_WAY * best][:1]
     return []
@@ -446,6 +478,19 @@ def _grown(chain: Sequence[Step], effects: Mapping[str, Effect], rng: np.random.
 
 def _together(chain: Sequence[Step]) -> float:
     return sum(s.chosen.ln_bayes_factor for s in chain if s.chosen is not None)
+
+
+def _something_else(step: Step) -> bool:
+    """Whether a law explains something that no other form of the effects before it does, though not all of it."""
+    forms = EffectForms(step.before)
+    return step.look.p_value <= SIGNIFICANT and any(
+        _is_surely_another(c, _share_beyond(c, forms)) for c in _promising(step)
+    )
+
+
+def _each_is_another(chain: Sequence[Step]) -> bool:
+    added = [(s.chosen, EffectForms(s.before)) for s in chain if s.chosen is not None]
+    return all(_is_surely_another(c, _share_beyond(c, forms)) for c, forms in added)
 
 
 def _hold_together(chain: Sequence[Step]) -> bool:

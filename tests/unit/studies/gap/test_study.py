@@ -158,6 +158,25 @@ def test_what_the_form_of_an_effect_leaves_in_its_own_channel_has_no_name(rig) -
     assert found.left.p_value < SIGNIFICANT
 
 
+def stronger(campaign: Campaign, by: float) -> Campaign:
+    """The same with a stroke that grows by a share for each newton above 1.5 N."""
+    records = []
+    for r in campaign.records:
+        x = r.observed["displacement"]
+        grown = 0.03 + (x - 0.03) * (1.0 + by * ((r.condition.load or 1.5) - 1.5))  # 0.03 m when hot
+        records.append(replace(r, observed={**r.observed, "displacement": grown}))
+    return replace(campaign, records=tuple(records))
+
+
+def test_what_is_small_beside_another_in_its_channel_is_named_where_no_form_of_that_does_it(rig) -> None:
+    """A stroke that explains less than a tenth of what a shift does, in the one channel that there is."""
+    found = study_campaign(stronger(rig(shift=6.0).campaign(), 0.008), PRIORS, pooled=True)
+    assert [e.id for e in found.effects] == ["stress_shift", "stress_stroke"]
+    great, small = (s.chosen.ln_bayes_factor for s in found.steps if s.chosen is not None)
+    assert small < 0.5 * FURTHER * great
+    assert found.left.p_value > 1e-3
+
+
 def test_what_differs_between_conditions_is_swallowed_by_parameters_of_their_own(study) -> None:
     found = study(shift=2.0, pooled=False)
     assert found.verdict == "none"
