@@ -20,7 +20,7 @@ How well a spring repeats in its rig is told by all numbers together: half-Cauch
 a scale in common, and the share of numbers that walk is one for all, both on grids.
 
 Given ``N0``, ``tau``, ``omega`` and the size of ``b`` all else is normal and is integrated exactly; these are on grids.
-So the evidence of each law is a sum, and draws are exact up to the grids.
+So the evidence of each law is a sum, and draws, given the kinds that move, are exact up to the grids.
 
 References
 ----------

@@ -65,9 +65,8 @@ class Movers:
         reached = np.cumsum(np.exp(self._by_count - self.log_odds), axis=0)[:-1, law]
         left = 1 + np.sum(rng.random(law.size) > reached, axis=0)
         changes = np.zeros((n, law.size), dtype=bool)
-        for i in reversed(
-            range(n)
-        ):  # where none are left, of i things n change: impossible, and so is this one
+        # where none are left to change, odds are those of n of the first i, which there are not: no more do
+        for i in reversed(range(n)):
             odds = self._each[i, law] + self._sums[i, left - 1, law] - self._sums[i + 1, left, law]
             changes[i] = (rng.random(law.size) < np.exp(odds)) | (left == i + 1)
             left -= changes[i]

@@ -113,9 +113,8 @@ class ChannelBlock:
     @property
     def possible(self) -> NDArray[np.bool_]:
         """Which of `MEMORIES` chance may have: at most `LONGEST` sweeps or `OF_RECORD` count as one sample."""
-        samples = (1.0 + MEMORIES) / (1.0 - MEMORIES)
         whole = self.first.size / max(int(self.first.sum()), 1)
-        return np.asarray(samples <= max(LONGEST * self.sweep, OF_RECORD * whole))
+        return np.asarray(_samples_as_one(MEMORIES) <= max(LONGEST * self.sweep, OF_RECORD * whole))
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -668,13 +667,13 @@ def growth(innovations: Floats, response: Floats) -> Growth:
 
 def _is_shorter(beside: BlockNoise, noise: BlockNoise) -> bool:
     """Whether noise remembers for a share of `LESS_LONG` at most of what it did before columns were taken out."""
-    return _samples_as_one(beside) <= LESS_LONG * _samples_as_one(noise)
+    of_beside, of_noise = (float(np.median(_samples_as_one(n.memory))) for n in (beside, noise))
+    return of_beside <= LESS_LONG * of_noise
 
 
-def _samples_as_one(noise: BlockNoise) -> float:
+def _samples_as_one(memory: Floats) -> Floats:
     """How many samples count as one for the mean, as noise remembers."""
-    memory = float(np.median(noise.memory))
-    return (1.0 + memory) / (1.0 - memory)
+    return np.asarray((1.0 + memory) / (1.0 - memory))
 
 
 def _by_chance(residual: Floats, noise: BlockNoise, fewer: Floats, columns: Floats) -> float:
