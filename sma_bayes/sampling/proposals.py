@@ -122,9 +122,11 @@ class StudentMixture:
         return out
 
     def _distance(self, x: Floats, component: int) -> Floats:
-        """Squared distance (W,) from the mean of a component, in units of its scale."""
-        y = (x - self.mean[component]) @ self._whiten[component]
-        return np.asarray(np.einsum("ij,ij->i", y, y))
+        """Squared distance (W,) from the mean of a component, in units of its scale; infinite beyond all numbers."""
+        with np.errstate(over="ignore", invalid="ignore"):
+            y = (x - self.mean[component]) @ self._whiten[component]
+            squared = np.einsum("ij,ij->i", y, y)
+        return np.where(np.isnan(squared), np.inf, squared)
 
     def log_density(self, x: Floats) -> Floats:
         """Log density, shape (W,)."""

@@ -95,6 +95,15 @@ def test_several_components_are_their_weighted_sum() -> None:
     np.testing.assert_allclose(mixture.log_density(x), np.log(density), rtol=1e-10)
 
 
+@pytest.mark.parametrize("far", [1e200, -1e300, 1.7e308])
+def test_a_point_beyond_all_reach_has_no_density_and_no_warning(far: float) -> None:
+    points = np.array([[far, 0.0], [far, far], [0.0, -far], [0.5, 0.5]])
+    density = two().log_density(points)
+    assert np.all(density[:3] < -700.0)
+    assert not np.isnan(density).any()
+    assert np.isfinite(density[3])
+
+
 def test_covariances_are_those_of_the_draws() -> None:
     """100,000 draws with 15 degrees of freedom: within 3 %."""
     mixture = one(3, 15.0)
