@@ -336,7 +336,8 @@ def _is_enough(candidate: Candidate, least: float, apart: Mapping[str, float], f
     share = _share_beyond(candidate, forms)
     if candidate.ln_bayes_factor >= least or _is_apart(candidate, forms.fitted, apart):
         return share >= OWN_FORM
-    return _is_surely_another(candidate, share)
+    carries = candidate.beside is not None and candidate.beside.carried >= CARRIED
+    return carries and _is_surely_another(candidate, share)
 
 
 def _share_beyond(candidate: Candidate, forms: EffectForms) -> float:
