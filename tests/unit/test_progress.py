@@ -115,12 +115,13 @@ def test_what_a_long_run_takes_is_told_before_it(clock: Callable[[float], None])
 
 
 def test_a_step_of_a_study_says_what_it_takes_as_the_verb_alone_does(clock: Callable[[float], None]) -> None:
-    lines = LogLines(5.0, False, io.StringIO())
+    out = io.StringIO()
+    lines = LogLines(5.0, False, out)
     step = StepOf(lines, "fit")
     announce(step, 600.0, "8 records")
     clock(6.0)
     step(1, 8, "fitted 100g")
-    assert lines.file.getvalue() == (  # type: ignore[attr-defined]
+    assert out.getvalue() == (
         "[0 s] fit: 8 records: about 10 min, give or take a factor of three\n[6 s] 1 of 8: fit: fitted 100g\n"
     )
     assert lines_inside(step) == 5.0

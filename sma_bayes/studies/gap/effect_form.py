@@ -48,6 +48,12 @@ class EffectForms:
             found.append(LATER * later[:, None] * modulations)
         return fitted.project_out(fitted.whiten(np.concatenate(found, axis=1).T).T)
 
+    @cached_property
+    def _precision(self) -> tuple[Floats, bool]:
+        """Factor of the precision of their coefficients (k, k), as scipy's `cho_factor` gives it."""
+        factor, lower = cho_factor(np.eye(self.columns.shape[1]) + self.columns.T @ self.columns)
+        return factor, bool(lower)
+
     def share_beyond(self, signature: Floats) -> float:
         """Share of what a signature explains that it still explains beside other forms of the effects there are.
 
@@ -57,8 +63,7 @@ class EffectForms:
             Of a further effect, whitened, less what the parameters absorb.
         """
         plain = _explained(signature, signature, self.fitted.left)
-        inner = np.eye(self.columns.shape[1]) + self.columns.T @ self.columns
-        free = signature - self.columns @ cho_solve(cho_factor(inner), self.columns.T @ signature)
+        free = signature - self.columns @ cho_solve(self._precision, self.columns.T @ signature)
         return _explained(signature, free, self.fitted.left) / plain if plain > 0.0 else 0.0
 
 

@@ -25,6 +25,7 @@ from sma_bayes.arrays import Floats
 from sma_bayes.effects.needs import untestable
 from sma_bayes.effects.types import Effect
 from sma_bayes.parameters.distributions import Distribution, LogNormal
+from sma_bayes.studies.gap.effect_form import EffectForms
 from sma_bayes.studies.gap.finite import STRONG, gained_in_steps
 from sma_bayes.studies.gap.fitting import (
     FittedHypothesis,
@@ -188,15 +189,18 @@ class Rivals:
     ----------
     terms : FlexibleTerms
     shapes : OneStageShapes
+    forms : EffectForms
+        Of the effects that the model has.
     """
 
     terms: FlexibleTerms
     shapes: OneStageShapes
+    forms: EffectForms
 
     @staticmethod
     def of(fitted: FittedHypothesis, flexible: Sequence[TermEvidence] = ()) -> Rivals:
         """Rivals in a fitted model; `flexible`, if what such terms bring is known already."""
-        return Rivals(offer(fitted, flexible), OneStageShapes(fitted))
+        return Rivals(offer(fitted, flexible), OneStageShapes(fitted), EffectForms(fitted))
 
 
 @dataclass(frozen=True, eq=False)
@@ -216,6 +220,8 @@ class Candidate:
         Of that term; empty where there is none.
     beside : EvidenceBeside or None
         What it is worth beside flexible terms, if that was looked at.
+    beyond_form : float
+        Share of what it explains that no other form of the effects before it does; see `EffectForms`.
     untestable : str
         Why the data can't test it; empty where they can.
     one_stage : float
@@ -231,6 +237,7 @@ class Candidate:
     guard: float = -np.inf
     guard_covariate: str = ""
     beside: EvidenceBeside | None = None
+    beyond_form: float = 0.0
     untestable: str = ""
     one_stage: float = -np.inf
     in_own_noise: Candidate | None = None
@@ -449,10 +456,12 @@ def judged(
         The best of that, and shapes.
     """
     extended = within_range(extended, extended.ln_evidence - fitted.ln_evidence)
-    guard, covariate = flexible_alternative(signature_at_mode(fitted, extended), flexible, screened)
+    signature = signature_at_mode(fitted, extended)
+    guard, covariate = flexible_alternative(signature, flexible, screened)
     gained = extended.ln_evidence - fitted.ln_evidence
     beside = EvidenceBeside.of(gained, offer(extended), rivals.terms) if gained >= WORTH else None
-    found = Candidate(screened.effect, extended, gained, guard, covariate, beside)
+    beyond_form = rivals.forms.share_beyond(signature)
+    found = Candidate(screened.effect, extended, gained, guard, covariate, beside, beyond_form)
     hangs_on_shape = claims_a_stage(screened.effect) or not found.beyond_shape
     if not (hangs_on_shape and found.plausible and found.beats_flexible):
         return found

@@ -20,7 +20,6 @@ from sma_bayes.records.history import History, histories
 from sma_bayes.records.types import Branch, Campaign
 from sma_bayes.response.base import ResponseModel
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
-from sma_bayes.studies.gap.effect_form import EffectForms
 from sma_bayes.studies.gap.fitting import FittedHypothesis, added_by, fit_hypothesis, fit_with_noise
 from sma_bayes.studies.gap.flexible import FlexibleTerms, gains, offer, terms_of, worth_of
 from sma_bayes.studies.gap.hypothesis import Hypothesis, baseline
@@ -36,7 +35,6 @@ from sma_bayes.studies.gap.name import (
     screen,
     screen_all,
     share_of,
-    signature_at_mode,
 )
 from sma_bayes.studies.gap.scatter import MOSTLY, holds_beside, members_of
 from sma_bayes.studies.gap.schema import StatedPeriodicity, Verdict
@@ -281,13 +279,8 @@ def one_round(
     tried = candidates(current, screened, seen.gains, rivals, most=refitted, steps=steps)
     terms = None if rivals is None else rivals.terms
     fitted = [c for c in tried if c.fitted is not None]
-    forms = EffectForms(current)
-    enough = [
-        c
-        for c in fitted
-        if is_worthy(c) and _is_enough(c, ENDS_IT * least if _ends_it(c) else least, apart, forms)
-    ]
-    worthy = _laws_first(enough)
+    enough = [c for c in fitted if _is_enough(c, current, ENDS_IT * least if _ends_it(c) else least, apart)]
+    worthy = _laws_first([c for c in enough if is_worthy(c)])
     if not worthy:
         return Step(current, seen, (*tried, *untested), None, (), terms)
     chosen = _preferred(worthy)
@@ -331,24 +324,20 @@ def _is_apart(candidate: Candidate, current: FittedHypothesis, least: Mapping[st
     return any(candidate.ln_bayes_factor * g >= max(least[c], needed) * whole > 0.0 for c, g in own.items())
 
 
-def _is_enough(candidate: Candidate, least: float, apart: Mapping[str, float], forms: EffectForms) -> bool:
-    """Whether a worthy effect explains so much, or something so different, that it is not the form of those before."""
-    share = _share_beyond(candidate, forms)
-    if candidate.ln_bayes_factor >= least or _is_apart(candidate, forms.fitted, apart):
-        return share >= OWN_FORM
+def _is_enough(
+    candidate: Candidate, current: FittedHypothesis, least: float, apart: Mapping[str, float]
+) -> bool:
+    """Whether an effect explains so much, or something so different, that it is not the form of those before."""
+    if candidate.ln_bayes_factor >= least or _is_apart(candidate, current, apart):
+        return candidate.beyond_form >= OWN_FORM
     carries = candidate.beside is not None and candidate.beside.carried >= CARRIED
-    return carries and _is_surely_another(candidate, share)
+    return carries and _is_surely_another(candidate)
 
 
-def _share_beyond(candidate: Candidate, forms: EffectForms) -> float:
-    found = candidate.fitted
-    return 0.0 if found is None else forms.share_beyond(signature_at_mode(forms.fitted, found))
-
-
-def _is_surely_another(candidate: Candidate, share: float) -> bool:
+def _is_surely_another(candidate: Candidate) -> bool:
     """Whether a law surely explains something else than what the form of the effects before it may leave."""
     law = not members_of(candidate.effect)
-    return law and candidate.ln_bayes_factor >= MISSHAPEN and share >= BEYOND_FORM
+    return law and candidate.ln_bayes_factor >= MISSHAPEN and candidate.beyond_form >= BEYOND_FORM
 
 
 def _ends_it(candidate: Candidate) -> bool:
@@ -484,15 +473,11 @@ def _together(chain: Sequence[Step]) -> float:
 
 def _something_else(step: Step) -> bool:
     """Whether a law explains something that no other form of the effects before it does, though not all of it."""
-    forms = EffectForms(step.before)
-    return step.look.p_value <= SIGNIFICANT and any(
-        _is_surely_another(c, _share_beyond(c, forms)) for c in _promising(step)
-    )
+    return step.look.p_value <= SIGNIFICANT and any(map(_is_surely_another, _promising(step)))
 
 
 def _each_is_another(chain: Sequence[Step]) -> bool:
-    added = [(s.chosen, EffectForms(s.before)) for s in chain if s.chosen is not None]
-    return all(_is_surely_another(c, _share_beyond(c, forms)) for c, forms in added)
+    return all(_is_surely_another(s.chosen) for s in chain if s.chosen is not None)
 
 
 def _hold_together(chain: Sequence[Step]) -> bool:
