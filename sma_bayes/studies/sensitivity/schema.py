@@ -98,9 +98,14 @@ class QuantitySensitivity(IntervalDocument):
         description="change of the mean where the power of the prior is doubled, to first order [posterior sd]"
     )
     likelihood_shift: NumberOrNull = Field(description="the same of the likelihood [posterior sd]")
+    without_prior: NumberOrNull = Field(
+        default=None,
+        description="change of the mean without any prior, to first order: `-prior_shift / ln 2` [posterior sd]",
+    )
     diagnosis: Literal["prior-data conflict", "strong prior / weak likelihood", "none"] = Field(
-        description="`prior-data conflict` where both sensitivities reach the threshold, "
-        "`strong prior / weak likelihood` where only that to the prior does, else `none`"
+        description="`prior-data conflict` where both sensitivities reach the threshold, the shifts have opposite "
+        "signs and `without_prior` is 1 or more either way; else `strong prior / weak likelihood` where that to the "
+        "prior reaches it and is the greater one, else `none`"
     )
     leading_prior: LeadingPrior | None = Field(
         description="whose prior it is; null where the diagnosis is `none`"
@@ -158,6 +163,9 @@ class Thresholds(DocumentPart):
     """From which values on something is said."""
 
     sensitivity: Number = Field(description="sensitivity to prior or likelihood [1]")
+    without_prior: NumberOrNull = Field(
+        default=None, description="change without any prior that makes a conflict [posterior sd]"
+    )
     pareto_k: Number = Field(description="Pareto k above which weights are not relied on [1]")
 
 

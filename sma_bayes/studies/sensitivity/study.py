@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
+from typing import Final, Literal
 
 import numpy as np
 
@@ -37,6 +38,15 @@ from sma_bayes.studies.sensitivity.schema import (
 
 DEFINED = 0.5
 """Share of the draws from which on what moves a number is told [1]."""
+DOUBLED: Final = math.log(2.0)
+"""Shifts are told of a doubled power, with the binary logarithm of the power: this times a shift with the power."""
+CONFLICT_SHIFT: Final = 1.0
+"""Change of a mean without its prior, to first order, from which on prior and data are in conflict [posterior sd].
+
+Of a normal distribution whose prior is right that change has a standard deviation of ``sqrt(w (1 - w))`` posterior
+standard deviations, where the prior has the share w of the precision, so of a half at most: one number in twenty is
+called a conflict by chance where prior and data tell as much as each other, one in a thousand where ``w`` is 0.1.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +132,7 @@ def _quantities(
     again = {} if bootstrap is None else {q.name: q for q in bootstrap.quantities}
     of_prior[np.isnan(per_sd)] = of_likelihood[np.isnan(per_sd)] = np.nan
     for i, q in enumerate(quantities):
-        diagnosis = diagnose(of_prior[i], of_likelihood[i])
+        diagnosis = diagnose(of_prior[i], of_likelihood[i], prior_shift[i], likelihood_shift[i])
         finite = np.isfinite(q.draws)
         found = interval_where_defined(q.draws[finite])
         changes = [(one.mean[i] - mean[i]) * per_sd[i] for one in left_out]
@@ -141,22 +151,36 @@ def _quantities(
             likelihood=of_likelihood[i],
             prior_shift=prior_shift[i],
             likelihood_shift=likelihood_shift[i],
+            without_prior=-prior_shift[i] / DOUBLED,
         )
 
 
 def diagnose(
-    prior: float, likelihood: float
+    prior: float, likelihood: float, prior_shift: float, likelihood_shift: float
 ) -> Literal["prior-data conflict", "strong prior / weak likelihood", "none"]:
-    """What the two sensitivities say together, see `sma_bayes.sampling.power_scaling.THRESHOLD`.
+    """What the two sensitivities say together.
+
+    Both reach `sma_bayes.sampling.power_scaling.THRESHOLD` wherever both have a say, also where they agree. They are in
+    conflict where they pull the mean in opposite directions, and far; see `CONFLICT_SHIFT`.
+
+    Parameters
+    ----------
+    prior, likelihood : float
+        Sensitivities [1].
+    prior_shift, likelihood_shift : float
+        Changes of the mean where the power of the one or the other is doubled, to first order [posterior sd].
 
     Examples
     --------
-    >>> diagnose(0.2, 0.1), diagnose(0.2, 0.01), diagnose(0.01, 0.1)
+    >>> diagnose(0.2, 0.1, -0.8, 0.8), diagnose(0.2, 0.01, 0.0, 0.0), diagnose(0.1, 0.2, -0.1, 0.3)
     ('prior-data conflict', 'strong prior / weak likelihood', 'none')
     """
     if not prior >= THRESHOLD:
         return NONE
-    return CONFLICT if likelihood >= THRESHOLD else STRONG_PRIOR
+    apart = prior_shift * likelihood_shift < 0.0 and abs(prior_shift) >= DOUBLED * CONFLICT_SHIFT
+    if apart and likelihood >= THRESHOLD:
+        return CONFLICT
+    return STRONG_PRIOR if prior > likelihood or not likelihood >= THRESHOLD else NONE
 
 
 def _leading(draws: RecordDraws, values: Floats, densities: Densities) -> LeadingPrior:

@@ -36,8 +36,9 @@ def _powers(records: tuple[RecordSensitivity, ...], threshold: float) -> Table:
         "Prior and data",
         f"Median and {INTERVAL}. Sensitivity: gradient of the cumulative Jensen-Shannon distance with the "
         f"binary logarithm "
-        f"of the power of prior or likelihood; from {threshold:g} on it counts. Shift: what the mean does where "
-        f"that power is doubled, in posterior standard deviations (sd).",
+        f"of the power of prior or likelihood; from {threshold:g} on it counts. Without prior: what the mean does "
+        f"without any prior, to first order; shift: where that power is doubled; both in posterior standard "
+        f"deviations (sd).",
         [(r, q) for r in records for q in r.quantities],
         (_OF_RECORD[0], lambda r, q: r.condition),
         (_OF_RECORD[1], lambda r, q: r.branch),
@@ -47,7 +48,11 @@ def _powers(records: tuple[RecordSensitivity, ...], threshold: float) -> Table:
         (Column("posterior", "posterior", OF_ROW), lambda r, q: Estimate.of(q, q.unit)),
         (Column("prior", "prior", "1"), lambda r, q: _number(q.prior)),
         (Column("likelihood", "likelihood", "1"), lambda r, q: _number(q.likelihood)),
-        (Column("shift, prior", "prior_shift", SD), lambda r, q: _number(q.prior_shift, SD, 0.01)),
+        (Column("without prior", "without_prior", SD), lambda r, q: _number(q.without_prior, SD, 0.01)),
+        (
+            Column("shift, prior", "prior_shift", SD, brief=False),
+            lambda r, q: _number(q.prior_shift, SD, 0.01),
+        ),
         (
             Column("shift, likelihood", "likelihood_shift", SD, brief=False),
             lambda r, q: _number(q.likelihood_shift, SD, 0.01),

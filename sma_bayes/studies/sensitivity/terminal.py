@@ -46,7 +46,7 @@ def _table(record: RecordSensitivity) -> Table:
     table = titled(
         f"{record.key}, {record.n} readings",
         Column("number", no_wrap=True),
-        *map(numbers, ("median, 90 % interval", "prior", "data")),
+        *map(numbers, ("median, 90 % interval", "prior", "data", "without prior")),
         "diagnosis",
         *map(numbers, ["without sweep"] * swept + ["without row"] + ["bootstrap"] * doubled),
     )
@@ -67,6 +67,7 @@ def _cells(q: QuantitySensitivity, swept: bool, doubled: bool) -> list[str]:
         f"{interval_text(q.median, q.q05, q.q95)} {unit}".rstrip(),
         _number(q.prior),
         _number(q.likelihood),
+        "-" if q.without_prior is None else f"{q.without_prior:+.2f}",
         diagnosis,
         *(["-" if sweep is None else f"{sweep[0]}: {sweep[1]:+.2f}"] if swept else []),
         "-" if q.reading is None else f"{q.reading.row}: {q.reading.change or 0.0:+.2f}",

@@ -46,13 +46,32 @@ Told = Sequence[tuple[RecordSensitivity, QuantitySensitivity]]
 def _of_priors(told: Told) -> str:
     flagged = [(r, q) for r, q in told if q.diagnosis != NONE]
     if not flagged:
-        return f"The prior moves none of {many(len(told), 'number')}"
+        return f"The prior decides none of {many(len(told), 'number')}{_most_moved(told)}"
     flagged.sort(key=lambda x: -(x[1].prior or 0.0))
     named = [
-        f"{q.name} of {r.key} ({q.diagnosis}, prior of {q.leading_prior.parameter if q.leading_prior else '-'})"
+        f"{q.name} of {r.key} ({q.diagnosis}, prior of {q.leading_prior.parameter if q.leading_prior else '-'}"
+        f"{_without(q)})"
         for r, q in flagged
     ]
     return f"The prior moves {len(flagged)} of {many(len(told), 'number')}: {first_of(named, NAMED)}"
+
+
+def _without(q: QuantitySensitivity) -> str:
+    if q.without_prior is None:
+        return ""
+    return f"; without priors {q.without_prior:+.2g} posterior standard deviations"
+
+
+def _most_moved(told: Told) -> str:
+    """How far the prior moves the number that it moves most."""
+    found = [(q.without_prior, r, q) for r, q in told if q.without_prior is not None]
+    if not found:
+        return ""
+    change, r, q = max(found, key=lambda x: abs(x[0]))
+    return (
+        f": without any prior, to first order, none moves by more than {abs(change):.2g} of its posterior standard "
+        f"deviation ({q.name} of {r.key})"
+    )
 
 
 def _of_sweeps(told: Told) -> Iterator[str]:

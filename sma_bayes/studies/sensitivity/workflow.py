@@ -27,7 +27,7 @@ from sma_bayes.studies.run_context import RunContext
 from sma_bayes.studies.sensitivity.quantities import stated_temperatures
 from sma_bayes.studies.sensitivity.schema import RecordSensitivity, SensitivityFindings, Thresholds
 from sma_bayes.studies.sensitivity.shown import record_shown
-from sma_bayes.studies.sensitivity.study import studied
+from sma_bayes.studies.sensitivity.study import CONFLICT_SHIFT, studied
 from sma_bayes.studies.sensitivity.words import conclusion
 from sma_bayes.studies.study_step import FromFitTable, StudyStep, Texts, temperatures
 
@@ -157,7 +157,7 @@ def find(
         at=tuple(at),
         **of_fit(summary, source.folder, seed),
         converged=all(r.converged for r in found),
-        thresholds=Thresholds(sensitivity=THRESHOLD, pareto_k=RELIABLE),
+        thresholds=Thresholds(sensitivity=THRESHOLD, without_prior=CONFLICT_SHIFT, pareto_k=RELIABLE),
         records=tuple(found),
         **declared_parts(summary.records),
         conclusion=conclusion([record_shown(r, units) for r in found]),
