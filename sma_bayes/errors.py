@@ -6,7 +6,8 @@ of them into one message and exit status 2.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from contextlib import contextmanager
 from difflib import get_close_matches
 from pathlib import Path
 from typing import Self
@@ -85,6 +86,41 @@ class SmaBayesError(Exception):
 
 class MeasurementError(SmaBayesError):
     """A data file, or a value in it, can't be used."""
+
+
+class ReadingError(MeasurementError):
+    """A data file can't be read as it is declared; its remedy is in ``campaign.toml``.
+
+    Parameters
+    ----------
+    found, file, row, column, expected, remedy
+        See `SmaBayesError`.
+    elsewhere : str
+        What to do where no ``campaign.toml`` says how the file is read.
+    """
+
+    def __init__(
+        self,
+        found: str,
+        *,
+        file: str | Path | None = None,
+        row: int | None = None,
+        column: str | None = None,
+        expected: str | None = None,
+        remedy: str | None = None,
+        elsewhere: str = "",
+    ) -> None:
+        super().__init__(found, file=file, row=row, column=column, expected=expected, remedy=remedy)
+        self.elsewhere = elsewhere
+
+
+@contextmanager
+def without_campaign() -> Iterator[None]:
+    """Let errors advise what helps where no ``campaign.toml`` says how a file is read."""
+    try:
+        yield
+    except ReadingError as error:
+        raise error.but(remedy=error.elsewhere or error.remedy) from None
 
 
 class CampaignError(SmaBayesError):

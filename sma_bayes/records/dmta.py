@@ -20,7 +20,16 @@ from pydantic import Field
 
 from sma_bayes.arrays import Floats, Ints
 from sma_bayes.document_part import DocumentPart, Number, NumberOrNull
-from sma_bayes.errors import MeasurementError, QuantityError, SmaBayesError, many, near_matches, require_known
+from sma_bayes.errors import (
+    MeasurementError,
+    QuantityError,
+    ReadingError,
+    SmaBayesError,
+    many,
+    near_matches,
+    require_known,
+    without_campaign,
+)
 from sma_bayes.limits import SETTING
 from sma_bayes.quantities import can_convert, convert
 from sma_bayes.records.formats import RawTable, Reading, read_table, recognise
@@ -197,6 +206,7 @@ class DmtaCampaign:
     left_out: tuple[str, ...]
 
 
+@without_campaign()
 def read_dmta(paths: Sequence[str | Path], options: DmtaOptions | None = None) -> DmtaCampaign:
     """Read exports of dynamic mechanical analysis of one material.
 
@@ -270,6 +280,11 @@ class _Test:
     columns: tuple[_Column, ...]
     findings: tuple[Finding, ...]
 
+    @property
+    def temperature(self) -> _Column:
+        """The column of the temperature."""
+        return next(c for c in self.columns if c.quantity == "temperature")
+
     def values(self, quantity: str, frequency: float | None = None) -> Floats | None:
         found = [c.values for c in self.columns if c.quantity == quantity and c.frequency == frequency]
         return found[0] if found else None
@@ -335,7 +350,11 @@ def _parts(path: Path, options: DmtaOptions) -> Iterator[tuple[str, Reading, Int
         yield "", Reading(), none
         return
     encoding = options.encoding or encoding_of(path)
-    lines = text_lines(path, encoding)
+    try:
+        lines = text_lines(path, encoding)
+    except ReadingError as error:
+        remedy = "name the encoding of the text, for many Windows programs --encoding cp1252"
+        raise error.but(remedy="save the text as UTF-8" if encoding == "cp1252" else remedy) from None
     steps = [i for i, line in enumerate(lines) if _STEP.fullmatch(line)]
     for at, end in zip(steps, [*steps[1:], len(lines)], strict=True) if steps else [(-1, len(lines))]:
         title = lines[at + 1].strip(' \t,;"') or f"step-{at + 1}" if 0 <= at < end - 1 else ""
@@ -634,6 +653,9 @@ def _sweeps_of(test: _Test, options: DmtaOptions) -> tuple[list[DmtaSweep], list
         if not np.isfinite(moduli["storage_modulus"]).any():
             left_out.append(f"{name}: no storage modulus")
             continue
+        if not np.isfinite(test.temperature.values[rows]).any():
+            left_out.append(f"{name}: no temperature")
+            continue
         run = _run_of(test, name, frequency, rows, moduli["storage_modulus"])
         findings += implausible(run)
         try:
@@ -741,7 +763,7 @@ def _run_of(test: _Test, name: str, frequency: float | None, rows: Ints, modulus
     MeasurementError
         If a value can't have been measured.
     """
-    warm = next(c for c in test.columns if c.quantity == "temperature")
+    warm = test.temperature
     columns = {"temperature": warm.values[rows], "stiffness": modulus}
     units = {"temperature": "degC", "stiffness": "Pa"}
     time = test.values("time")

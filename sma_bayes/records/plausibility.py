@@ -15,7 +15,7 @@ from typing import Final, NamedTuple
 import numpy as np
 
 from sma_bayes.arrays import Floats
-from sma_bayes.errors import MeasurementError, many
+from sma_bayes.errors import MeasurementError, ReadingError, many
 from sma_bayes.limits import MAGNITUDE
 from sma_bayes.quantities import ARBITRARY, CHANNELS, QUANTITIES, SPECIMEN_QUANTITY, convert, unit_text
 from sma_bayes.records.decimals import misread_decimals
@@ -137,21 +137,23 @@ def require_possible(run: Run) -> None:
         with np.errstate(invalid="ignore"):
             large = np.flatnonzero(np.isinf(values) | (np.abs(values) > MAGNITUDE.value))
         if large.size:
-            raise MeasurementError(
+            raise ReadingError(
                 f"{quantity} is {values[large[0]]:g} {unit_text(run.units.get(name, ''))}".rstrip(),
                 file=run.file,
                 row=int(run.row[large[0]]),
                 column=quantity,
                 expected=f"a magnitude up to {MAGNITUDE.value:g}",
                 remedy="correct the cell, or unit, scale and offset in [columns]",
+                elsewhere="correct the cell, or the unit",
             )
         if values.size and np.isnan(values).all():
-            raise MeasurementError(
+            raise ReadingError(
                 f"condition {run.condition.id!r}: {quantity} has no value in {many(values.size, 'row')}",
                 file=run.file,
                 column=quantity,
                 expected="at least one value that is not missing",
                 remedy="leave the column out of [columns], or correct `valid` and the codes of missing values",
+                elsewhere="leave the column out, or name another one",
             )
     for name in ("temperature", "ambient_temperature"):
         if run.units.get(name) != "degC":
@@ -159,7 +161,7 @@ def require_possible(run: Run) -> None:
         with np.errstate(invalid="ignore"):
             cold = np.flatnonzero(run.columns[name] < ABSOLUTE_ZERO)
         if cold.size:
-            raise MeasurementError(
+            raise ReadingError(
                 f"{name} is {run.columns[name][cold[0]]:.6g} °C in {many(cold.size, 'row')}, below absolute "
                 "zero",
                 file=run.file,
@@ -168,6 +170,7 @@ def require_possible(run: Run) -> None:
                 expected=f"more than {ABSOLUTE_ZERO:g} °C",
                 remedy="correct the unit: of kelvin, degC and degF only one can be right; or leave readings out with "
                 "valid = [low, high] of the column",
+                elsewhere="correct the unit: of kelvin, degC and degF only one can be right",
             )
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 from sma_bayes.catalogue import Catalogue, not_a
-from sma_bayes.errors import MeasurementError
+from sma_bayes.errors import MeasurementError, ReadingError
 from sma_bayes.records.formats import delimited, lvm, mat, tdms, xlsx
 from sma_bayes.records.formats.table import Format, RawTable, Reading, limited
 
@@ -43,17 +43,19 @@ def recognise(path: Path) -> str:
         if len(names) == 1:
             return names[0]
         if names:
-            raise MeasurementError(
+            raise ReadingError(
                 "several formats recognise the file: " + ", ".join(names),
                 file=path,
                 expected="one format",
                 remedy="set `format` in [reading] of campaign.toml to one of them",
+                elsewhere="export it as CSV",
             )
-    raise MeasurementError(
+    raise ReadingError(
         "the file is of no format that is known",
         file=path,
         expected=", ".join(form.title for form in FORMATS.values()),
         remedy="export it as CSV, or set `format` and `encoding` in [reading] of campaign.toml",
+        elsewhere="export it as CSV",
     )
 
 
@@ -100,6 +102,6 @@ def _head(path: Path) -> bytes:
             "the file is empty" if not head else "the file has only blank lines",
             file=path,
             expected="rows of measurements",
-            remedy="replace it by the measurements, or remove the condition",
+            remedy="replace it by the measurements, or leave it out",
         )
     return head

@@ -9,7 +9,7 @@ from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from pathlib import Path
 
-from sma_bayes.errors import MeasurementError
+from sma_bayes.errors import ReadingError
 from sma_bayes.records.formats.layout import Row, RowShape, shape_of, spread, tabulate
 from sma_bayes.records.formats.numbers import has_decimal_commas
 from sma_bayes.records.formats.table import WHITESPACE, Format, RawTable, Reading
@@ -57,11 +57,12 @@ def read(path: Path, reading: Reading) -> RawTable:
         delimiter, shape = _delimiter(body, reading, path)
         table = tabulate(_rows(body, delimiter, reading.skip_rows), shape, reading, path, resplit)
     except csv.Error as error:
-        raise MeasurementError(
+        raise ReadingError(
             f"the text can't be split into cells: {error}",
             file=path,
             expected="quotation marks in pairs",
             remedy="close the quotation mark; where each whole row stands in quotes set quoted_rows = true",
+            elsewhere="close the quotation mark",
         ) from None
     if "decimal" in reading.model_fields_set or delimiter == ",":
         return table
@@ -93,19 +94,21 @@ def text_lines(path: Path, encoding: str | None) -> list[str]:
     except UnicodeDecodeError as error:
         before = raw[: error.start]
         row = before.count(b"\n") + 1 if b"\n" in before else before.count(b"\r") + 1
-        raise MeasurementError(
+        raise ReadingError(
             f"byte 0x{raw[error.start]:02x} is not {encoding}",
             file=path,
             row=row,
             expected=f"text in {encoding}",
             remedy='name the encoding in [reading] of campaign.toml, for many Windows programs encoding = "cp1252"',
+            elsewhere="save the text as UTF-8",
         ) from None
     except LookupError:
-        raise MeasurementError(
+        raise ReadingError(
             f"encoding {encoding!r} is not known",
             file=path,
             expected="an encoding that Python knows, such as utf-8, cp1252, latin-1 or utf-16",
             remedy="correct `encoding` in [reading] of campaign.toml",
+            elsewhere="correct the encoding",
         ) from None
     return text.replace("\r\n", "\n").replace("\r", "\n").removeprefix("\ufeff").split("\n")
 
@@ -156,18 +159,20 @@ def _delimiter(lines: Sequence[str], reading: Reading, path: Path) -> tuple[str,
     if best in rivals and best != WHITESPACE:  # runs of blanks differ from it in empty cells alone
         rivals = [d for d in rivals if d != WHITESPACE]
     if len({(shapes[d].filled, shapes[d].numeric) for d in rivals}) > 1:
-        raise MeasurementError(
+        raise ReadingError(
             "the delimiter can't be told: " + " and ".join(repr(d) for d in rivals) + " fit equally well",
             file=path,
             expected="one delimiter",
             remedy="set `delimiter` in [reading] of campaign.toml",
+            elsewhere="export it with semicolons or tabs between the cells",
         )
     if shapes[best].filled < 2 and not reading.quoted_rows and _whole_rows_quoted(sample):
-        raise MeasurementError(
+        raise ReadingError(
             "each whole row stands in quotation marks",
             file=path,
             expected="a delimiter outside the quotation marks",
             remedy="set quoted_rows = true in [reading] of campaign.toml",
+            elsewhere="take the quotation marks about the rows away",
         )
     return best, shapes[best]
 

@@ -14,7 +14,7 @@ from typing import TypeAlias
 import numpy as np
 
 from sma_bayes.arrays import Ints
-from sma_bayes.errors import MeasurementError, many
+from sma_bayes.errors import MeasurementError, ReadingError, many
 from sma_bayes.records.formats.numbers import NOT_AVAILABLE, is_blank, looks_numeric
 from sma_bayes.records.formats.table import RawTable, Reading, cut_findings, rows_finding
 from sma_bayes.records.types import Finding
@@ -121,11 +121,12 @@ def tabulate(
     rows = iter(rows)
     above, first = _until_data(rows, shape, reading) if shape.numeric else ([], None)
     if first is None:
-        raise MeasurementError(
+        raise ReadingError(
             "no row of numbers",
             file=file,
             expected="rows with the same number of cells, most of them numbers",
             remedy="check `delimiter`, `decimal`, `skip_rows` and `quoted_rows` in [reading] of campaign.toml",
+            elsewhere="check that the file holds a table of numbers, one delimiter between the cells of every row",
         )
     names, findings = _header(above, shape, reading.header, file, resplit)
     cells, lines, more = _collect(chain([first], rows), shape, reading, file)
@@ -255,11 +256,12 @@ def _fitted(row: Sequence[object], shape: RowShape, file: Path, line: int) -> Se
     """Row with as many cells as the others, where only empty cells at its end make the difference."""
     extra = row[shape.width :]
     if len(row) < shape.filled or not all(is_blank(cell) for cell in extra):
-        raise MeasurementError(
+        raise ReadingError(
             f"the row has {len(row)} cells, the others have {shape.filled}",
             file=file,
             row=line,
             expected="rows of equal length",
             remedy="complete the row, or leave it out with `first_row` or `last_row` in [reading] of campaign.toml",
+            elsewhere="complete the row, or remove it",
         )
     return [*row[: shape.width], *[""] * (shape.width - len(row))]

@@ -14,7 +14,7 @@ from pathlib import Path
 import numpy as np
 
 from sma_bayes.arrays import Floats
-from sma_bayes.errors import MeasurementError
+from sma_bayes.errors import MeasurementError, ReadingError
 from sma_bayes.records.formats.delimited import text_lines
 from sma_bayes.records.formats.table import Cells, Format, RawTable, Reading
 from sma_bayes.records.types import Finding
@@ -177,12 +177,13 @@ def _x_values(segment: _Segment, decimal: str, path: Path) -> Floats:
     try:
         x0, step = (float(segment.tags[tag][0].replace(decimal, ".")) for tag in ("X0", "Delta_X"))
     except (KeyError, IndexError, ValueError):
-        raise MeasurementError(
+        raise ReadingError(
             "the file saved no x values, and X0 or Delta_X is not there or not a number",
             file=path,
             row=segment.lines[0],
             expected="tags X0 and Delta_X in the header of the segment",
             remedy="give the time by { row_interval = ..., unit = ... }, and name each column by its number",
+            elsewhere="record it again with the x values saved, or export it as CSV with a column of the time",
         ) from None
     return x0 + step * np.arange(len(segment.rows), dtype=np.float64)
 

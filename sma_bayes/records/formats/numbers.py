@@ -16,7 +16,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sma_bayes.arrays import Floats, Ints
-from sma_bayes.errors import MeasurementError, many
+from sma_bayes.errors import MeasurementError, ReadingError, many
 from sma_bayes.records.formats.table import Cells, rows_finding
 from sma_bayes.records.types import Finding
 
@@ -108,12 +108,13 @@ def numbers(
     )
     values[coded] = np.nan
     if not np.isfinite(values).any():
-        raise MeasurementError(
+        raise ReadingError(
             f"no number in {len(row)} rows",
             file=file,
             column=column,
             expected="at least one value that is not missing",
             remedy="map another column, or correct the missing-value codes and the limits of the rows",
+            elsewhere="fill the column, or name another one",
         )
     return values, findings
 
@@ -210,16 +211,19 @@ def _not_a_number(
     more = f" (and {rows.size - 1} more in this column)" if rows.size > 1 else ""
     if decimal == "." and _COMMA_NUMBER.fullmatch(text):
         remedy = 'if the comma is a decimal mark, set decimal = "," in [reading] of campaign.toml'
+        elsewhere = "write all numbers of the file with one decimal mark"
     else:
+        elsewhere = "correct the cell, leave it empty where the value is missing, or remove the row"
         remedy = (
             f"correct the cell, map another column, or in [reading] of campaign.toml list {text!r} under `missing`, or "
             "leave the line out with `skip_rows`, `first_row` or `last_row`"
         )
-    return MeasurementError(
+    return ReadingError(
         f"found {text!r}{more}",
         file=file,
         row=int(rows[0]),
         column=column,
         expected=expected,
         remedy=remedy,
+        elsewhere=elsewhere,
     )

@@ -13,7 +13,7 @@ from numpy.typing import NDArray
 from pydantic import BaseModel, ConfigDict, Field, field_validator, model_validator
 
 from sma_bayes.arrays import Floats, Ints
-from sma_bayes.errors import MeasurementError, many
+from sma_bayes.errors import MeasurementError, ReadingError, many
 from sma_bayes.records.types import Finding
 
 Cells: TypeAlias = Floats | Sequence[object]
@@ -170,11 +170,12 @@ def cut_findings(cut: Ints, kept: Ints, reading: Reading, file: Path) -> tuple[F
         return ()
     limits = f"first_row = {reading.first_row or 1}, last_row = {reading.last_row or 'the end'}"
     if not kept.size:
-        raise MeasurementError(
+        raise ReadingError(
             f"no row is left by {limits}",
             file=file,
             expected=f"limits within the rows of data, {cut[0]} to {cut[-1]}",
             remedy="correct `first_row` and `last_row` in [reading] of campaign.toml; lines count from 1",
+            elsewhere="check that the file holds a table of numbers, one delimiter between the cells of every row",
         )
     message = f"{many(cut.size, 'row')} outside {limits}, left out as declared"
     return (rows_finding("cut", message, cut, dropped=cut.size),)

@@ -9,7 +9,7 @@ from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, TypeAlias
 
-from sma_bayes.errors import MeasurementError, near_matches
+from sma_bayes.errors import MeasurementError, ReadingError, near_matches
 from sma_bayes.limits import WORKBOOK_BYTES, WORKBOOK_CELLS, WORKBOOK_ROWS
 from sma_bayes.records.formats.layout import shape_of, spread, tabulate
 from sma_bayes.records.formats.numbers import is_blank
@@ -151,8 +151,12 @@ def _chosen(sheets: dict[str, _Sheet], wanted: str | int | None, path: Path) -> 
     else:
         found = f"the workbook has no sheet {wanted!r}"
         expected = near_matches(str(wanted), titles)
-    raise MeasurementError(
-        found, file=path, expected=expected, remedy="set `sheet` in [reading] of campaign.toml"
+    raise ReadingError(
+        found,
+        file=path,
+        expected=expected,
+        remedy="set `sheet` in [reading] of campaign.toml",
+        elsewhere="save the sheet as a workbook of its own, or export it as CSV",
     )
 
 

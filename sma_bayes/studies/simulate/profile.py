@@ -13,7 +13,7 @@ import numpy.typing as npt
 from numpy.typing import NDArray
 
 from sma_bayes.arrays import Floats
-from sma_bayes.errors import CampaignError, MeasurementError
+from sma_bayes.errors import CampaignError, MeasurementError, without_campaign
 from sma_bayes.limits import DEGREES, PROFILE_ROWS, SETTING
 from sma_bayes.quantities import QUANTITIES, convert
 from sma_bayes.records.default_names import recognised
@@ -72,6 +72,7 @@ class CurrentProfile:
         return np.asarray(values[np.clip(place, 0, self.time.size - 1)])
 
 
+@without_campaign()
 def read_profile(source: str | Path | Columns) -> CurrentProfile:
     """Read a profile.
 

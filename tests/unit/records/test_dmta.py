@@ -411,3 +411,124 @@ def test_a_unit_that_the_file_states_is_kept(tmp_path: Path) -> None:
     np.testing.assert_allclose(
         sweep.storage.observed["stiffness"], storage(sweep.storage.temperature), rtol=1e-5
     )
+
+
+UNKNOWN_TO_MODULUS = (
+    "campaign.toml", "[reading]", "[columns]", "condition", "first_row", "skip_rows", "quoted_rows", "`", "valid =",
+)  # fmt: skip
+"""What a campaign declares, and the command line of `modulus` does not."""
+HEAD = "temperature_C,storage_modulus_MPa"
+
+
+def _body(**cells: str) -> list[str]:
+    """Rows of temperature and storage modulus, some of them replaced."""
+    body = rows(ident, in_mpa(storage))
+    for at, cell in cells.items():
+        body[int(at[1:])] = cell
+    return [HEAD, *body]
+
+
+def _long_row(path: Path) -> DmtaOptions:
+    write(path, _body(r4="8,30000,7"))
+    return DmtaOptions()
+
+
+def _comma(path: Path) -> DmtaOptions:
+    write(path, [line.replace(",", ";") for line in _body()[:-1]] + ["0;30000,5"])
+    return DmtaOptions()
+
+
+def _quoted(path: Path) -> DmtaOptions:
+    write(path, [f'"{line}"' for line in _body()])
+    return DmtaOptions()
+
+
+def _open_quote(path: Path) -> DmtaOptions:
+    write(path, [HEAD, *rows(ident, in_mpa(storage))[:50], '100,"' + "x" * 200_000])
+    return DmtaOptions()
+
+
+def _two_delimiters(path: Path) -> DmtaOptions:
+    write(path, [f"{i}|x;{i}" for i in range(100)])
+    return DmtaOptions()
+
+
+def _text(path: Path) -> DmtaOptions:
+    write(path, ["nothing but words", "in several lines"] * 9)
+    return DmtaOptions()
+
+
+def _word(path: Path) -> DmtaOptions:
+    write(path, _body(r4="8,soft"))
+    return DmtaOptions()
+
+
+def _no_number(path: Path) -> DmtaOptions:
+    write(path, [HEAD + ",frequency_Hz", *(f"{row}," for row in rows(ident, in_mpa(storage)))])
+    return DmtaOptions()
+
+
+def _huge(path: Path) -> DmtaOptions:
+    write(path, _body(r4="8,1e300"))
+    return DmtaOptions()
+
+
+def _empty(path: Path) -> DmtaOptions:
+    path.write_bytes(b"\n")
+    return DmtaOptions()
+
+
+def _no_text(path: Path) -> DmtaOptions:
+    path.write_bytes(b"\0\1\2\3" * 100)
+    return DmtaOptions()
+
+
+def _not_in_encoding(path: Path) -> DmtaOptions:
+    write(path, ["Temp. (\u00b0C),storage_modulus_MPa", *rows(ident, in_mpa(storage))], "latin-1")
+    return DmtaOptions(encoding="utf-8")
+
+
+def _no_encoding(path: Path) -> DmtaOptions:
+    write(path, _body())
+    return DmtaOptions(encoding="latin-99")
+
+
+@pytest.mark.parametrize(
+    ("make", "told", "advised"),
+    [
+        (_long_row, "the row has 3 cells, the others have 2", "complete the row, or remove it"),
+        (_comma, "found '30000,5", "one decimal mark"),
+        (_quoted, "each whole row stands in quotation marks", "take the quotation marks"),
+        (_open_quote, "can't be split into cells", "close the quotation mark"),
+        (_two_delimiters, "the delimiter can't be told", "semicolons or tabs"),
+        (_text, "no row of numbers", "table of numbers"),
+        (_word, "found 'soft'", "correct the cell"),
+        (_no_number, "no number in 100 rows", "fill the column"),
+        (_huge, "modulus is 1e+306 Pa", "correct the cell, or the unit"),
+        (_empty, "the file has only blank lines", "replace it by the measurements"),
+        (_no_text, "of no format that is known", "export it as CSV"),
+        (_not_in_encoding, "byte 0xb0 is not utf-8", "--encoding"),
+        (_no_encoding, "encoding 'latin-99' is not known", "--encoding"),
+    ],
+)
+def test_what_is_advised_can_be_done(
+    tmp_path: Path, make: Callable[[Path], DmtaOptions], told: str, advised: str
+) -> None:
+    """There is no campaign.toml that could say how an export is read."""
+    path = tmp_path / "bad.csv"
+    options = make(path)
+    with pytest.raises(MeasurementError) as error:
+        read_dmta([path], options)
+    assert told in error.value.found
+    assert advised in str(error.value.remedy)
+    assert not [word for word in UNKNOWN_TO_MODULUS if word in str(error.value)]
+
+
+def test_a_frequency_whose_temperatures_are_missing_is_left_out_and_named(tmp_path: Path) -> None:
+    head = HEAD + ",frequency_Hz"
+    good = [f"{row},1" for row in rows(ident, in_mpa(storage))]
+    blind = [f",{row.split(',')[1]},10" for row in rows(ident, in_mpa(storage))]
+    both = [line for pair in zip(good, blind, strict=True) for line in pair]
+    found = read_dmta([write(tmp_path / "two.csv", [head, *both])])
+    assert [s.frequency for s in found.sweeps] == [1.0, 1.0]
+    assert found.left_out == ("two-10Hz: no temperature",)

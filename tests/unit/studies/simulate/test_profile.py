@@ -60,6 +60,26 @@ def test_what_cannot_be_is_refused_by_row_and_column(
         assert word in str(caught.value)
 
 
+@pytest.mark.parametrize(
+    ("content", "told", "advised"),
+    [
+        (b"time_s,current_A\n0,1\n5,1,2\n9,0\n", "the row has 3 cells", "complete the row, or remove it"),
+        (b"time_s,current_A\n0,1\n5,x\n9,0\n", "found 'x'", "correct the cell"),
+        (b"# \xb0\ntime_s,current_A\n0,1\n5,0\n", "byte 0xb0", "save the text as UTF-8"),
+        (b"\0\1\2" * 9, "no format that is known", "export it as CSV"),
+    ],
+)
+def test_what_is_advised_can_be_done(content: bytes, told: str, advised: str, tmp_path: Path) -> None:
+    """No campaign.toml says how a profile is read."""
+    path = tmp_path / "p.csv"
+    path.write_bytes(content)
+    with pytest.raises(MeasurementError) as caught:
+        read_profile(path)
+    assert told in caught.value.found
+    assert advised in str(caught.value.remedy)
+    assert "campaign.toml" not in str(caught.value)
+
+
 def test_columns_in_memory_are_checked_alike() -> None:
     with pytest.raises(MeasurementError, match="row 2"):
         read_profile({"time_s": [0.0, np.nan, 2.0], "current_A": [1.0, 1.0, 0.0]})
