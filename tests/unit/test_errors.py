@@ -41,6 +41,7 @@ def test_the_family_is_complete() -> None:
     assert {kind.__name__ for kind in FAMILY} == {
         "SmaBayesError",
         "MeasurementError",
+        "ReadingError",
         "CampaignError",
         "StudyError",
         "QuantityError",
