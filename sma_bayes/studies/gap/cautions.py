@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from sma_bayes.effects import EFFECTS
 from sma_bayes.report.notation import unit_label
 from sma_bayes.studies.gap.flexible import SHAPE
 from sma_bayes.studies.gap.schema import AddedEffect, GapOfModel, StatedGap, StatedRemaining
@@ -31,11 +32,25 @@ def cautions(found: GapOfModel) -> list[str]:
             )
     return [
         *out,
+        *_about_two_loads(found),
         *_about_sweeps(found),
         *_about_suspects(found),
         *_about_memory(found),
         *_about_spectrum(found),
     ]
+
+
+def _about_two_loads(found: GapOfModel) -> Iterator[str]:
+    """Effects of the load that two conditions alone speak for: anything else may differ between these."""
+    loads = {c.settings.get("load") for c in found.conditions}
+    of_load = [e.id for e in found.added if e.id in EFFECTS and "several_loads" in EFFECTS[e.id].needs]
+    if of_load and len(found.conditions) == len(loads) == 2:
+        one, other = (c.id for c in found.conditions)
+        yield (
+            f"{', '.join(of_load)}: whatever else differs between {one} and {other}, the only two loads, looks the "
+            "same (a sensor set to zero anew, another temperature reading, another specimen); a third load tells, or "
+            "one of the two measured again."
+        )
 
 
 OF_CYCLES = ("training", "training_drift", "amplitude_fatigue")

@@ -166,6 +166,17 @@ def noisy(p_value: float) -> dict[str, Any]:
 HELPING = {"verdict": "unnamed", "effects": [], "partial": [EFFECT]}
 
 
+def loaded(effect: str, *loads: float) -> dict[str, Any]:
+    """An effect that was named, of conditions under these loads [N]."""
+    told = {"n": 50, "cycles": 1, "rows_averaged": 1}
+    named = {**EFFECT, "id": effect, "class": [effect]}
+    return {
+        "effects": [named],
+        "gap": {"chosen_without": [[effect]]},
+        "conditions": [{"id": f"run-{i}", "settings": {"load": w}, **told} for i, w in enumerate(loads)],
+    }
+
+
 @pytest.mark.parametrize(
     ("changes", "says"),
     [
@@ -204,6 +215,21 @@ HELPING = {"verdict": "unnamed", "effects": [], "partial": [EFFECT]}
                 "power that is assumed (so do 1 of the others)."
             ],
         ),
+        (loaded("dead_load", 1.0, 2.0), ["dead_load: whatever else differs between run-0 and run-1"]),
+        (loaded("stress_shift", 1.0, 2.0), ["a third load tells, or one of the two measured again"]),
+        (
+            {
+                **loaded("dead_load", 1.0, 2.0),
+                "verdict": "unnamed",
+                "effects": [],
+                "partial": [{**EFFECT, "id": "dead_load"}],
+                "gap": {"after": 1.9},
+            },
+            ["dead_load: whatever else"],
+        ),
+        (loaded("dead_load", 1.0, 2.0, 3.0), []),
+        (loaded("dead_load", 1.0, 2.0, 1.0), []),
+        (loaded("training_drift", 1.0, 2.0), []),
         ({"verdict": "unnamed", "effects": []}, []),
         ({**HELPING, "gap": {"after": 2.02}}, ["is 2.020 with it and 2.000 without"]),
         ({**HELPING, "gap": {"after": 1.9}}, []),
