@@ -47,11 +47,14 @@ class Number:
     unit : str
     resolution : float or None
         Size of its uncertainty, which decides how many digits are shown [unit].
+    finest : float or None
+        Of a share, how near to 0 and to 1 it can be told; what is nearer is said to be so.
     """
 
     value: float | None
     unit: str = "1"
     resolution: float | None = None
+    finest: float | None = None
 
 
 class WithInterval(Protocol):

@@ -11,7 +11,7 @@ from dataclasses import dataclass, replace
 from functools import cache
 from itertools import chain
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 from jinja2 import ChoiceLoader, Environment, PackageLoader, StrictUndefined
 from markupsafe import Markup, escape
@@ -40,6 +40,11 @@ from sma_bayes.report.tables import (
 from sma_bayes.runs.fit_document import TARGET
 from sma_bayes.runs.store import write_text
 
+_PERCENT: Final = re.compile(r"(?<![=\w.−-])(\d+(?:\.\d+)?)%")
+"""A percentage in a sentence; not one in an option of a command."""
+TALL: Final = 600
+"""Height above which a figure is printed on a page of its own [pixel]."""
+
 
 @dataclass(frozen=True, slots=True)
 class Picture:
@@ -60,6 +65,11 @@ class Picture:
     source: str
     width: int
     height: int
+
+    @property
+    def tall(self) -> bool:
+        """Whether two of them on a printed page would be too small to be read."""
+        return self.height > TALL
 
 
 def write_page(folder: Path, package: str, figures: Mapping[str, FigureFiles], **words: Any) -> None:
@@ -132,6 +142,7 @@ def page_environment(package: str, most: int | None = None) -> Environment:
         "number": _number,
         "rows": rows_text,
         "commands": _commands,
+        "sentence": lambda text: f"{text[:1].upper()}{text[1:]}.",
         "joined": lambda parts: list(chain.from_iterable(parts)),
         "plain": lambda value, digits=4: write([value], digits=digits).plain[0],
     }
@@ -185,8 +196,8 @@ def estimate_text(e: Estimate) -> str:
 
 
 def _shown(value: Any) -> Any:
-    """A value as a page says it: texts of the study with minus signs; markup stays as it is."""
-    return with_minus(value) if type(value) is str else value
+    """A value as a page says it: texts of the study with minus signs and ``5 %`` for 5%; markup stays as it is."""
+    return _PERCENT.sub("\\1\u00a0%", with_minus(value)) if type(value) is str else value
 
 
 def _number(n: Number) -> str:
@@ -211,10 +222,11 @@ def _commands(text: str) -> Markup:
     )
 
 
-def _header_text(column: Column, power: int | None = None) -> str:
-    """Header of a column, which may be broken between words only; a unit that rows name is left out."""
-    text = column.name if column.unit == OF_ROW else column.header_with(power or 0)
-    return text.replace("-", "\u2011").replace(" > ", "\u00a0>\u00a0")
+def _header_text(column: Column, power: int | None = None) -> Markup:
+    """Header of a column, which may be broken between words and after a plus; a unit that rows name is left out."""
+    text = column.name if column.unit == OF_ROW and not power else column.header_with(power or 0)
+    whole = with_minus(text).replace("-", "\u2011").replace(" > ", "\u00a0>\u00a0")
+    return Markup("+<wbr>").join(escape(part) for part in whole.split("+"))
 
 
 def _cell_text(cell: Cell, power: int | None = None) -> str:

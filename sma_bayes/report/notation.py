@@ -13,6 +13,8 @@ from sma_bayes.quantities import MINUS, unit_text
 MISSING: Final = "–"
 FIXED: Final = range(-3, 6)
 """Decimal exponents that are written without a power of ten."""
+LEAST_FIXED: Final = -4
+"""The same of the least of three numbers of which the others are written so, since they are read together."""
 MOST_DIGITS: Final = 9
 """Significant digits of a number at most, however sure it is."""
 LOPSIDED: Final = 30.0
@@ -117,6 +119,8 @@ def interval_text(
     '(4.0 [−1.0, 9.0]) × 10⁻⁴'
     >>> interval_text(0.25, 0.25, 0.25), interval_text(1.93, 0.0312, 102.0)
     ('0.2500', '1.9 [0.031, 100]')
+    >>> interval_text(0.0028, 0.00034, 0.014)
+    '0.0028 [0.00034, 0.014]'
     >>> interval_text(-0.18, -0.34, -0.0067)
     '−0.18 [−0.34, −0.01]'
     """
@@ -124,6 +128,8 @@ def interval_text(
         sizes = sorted((abs(low), abs(high)))
         drowned = sizes[1] - sizes[0] > NORMAL_90 * abs(median)
         if drowned and math.inf > sizes[1] > LOPSIDED * sizes[0]:
+            if power is None and _place(sizes[1]) in FIXED and _place(sizes[0]) >= LEAST_FIXED:
+                power = 0
             middle, least, most = (
                 write([v], digits=2, exponent=power).plain[0] if power is None
                 else _signed(write([v], digits=2, exponent=power).digits[0])

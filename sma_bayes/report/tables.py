@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, TypeVarTuple
 
-from sma_bayes.assess.checks import CHECKED
+from sma_bayes.assess.checks import CHANCE, CHECKED
 from sma_bayes.assess.loops import QuantityInterval
 from sma_bayes.latex import Tex, longtable, tex_row, tex_symbol, tex_text, tex_unit, wrapped
 from sma_bayes.quantities import CHANNELS
@@ -491,9 +491,7 @@ def missed_table(records: Sequence[RecordContent]) -> Table:
         (Column("largest", "largest", OF_ROW), lambda r, channel, m, fine: Number(m.largest, m.unit, fine)),
         (
             Column("at temperature", "at"),
-            lambda r, channel, m, fine: (
-                f"{write([m.at], digits=3).plain[0]} {unit_label(r.temperature_unit)}"
-            ),
+            lambda r, channel, m, fine: f"{write([m.at]).plain[0]} {unit_label(r.temperature_unit)}",
         ),
         (
             Column("share of range [%]", "share_percent", "1"),
@@ -585,7 +583,7 @@ def check_table(records: Sequence[RecordContent]) -> Table:
         (Column("measured", "measured", "1"), lambda r, c, width: Number(c.measured, "1", width)),
         (Column("replicated 5 %", "replicated_q05", "1"), lambda r, c, width: Number(c.q05, "1", width)),
         (Column("replicated 95 %", "replicated_q95", "1"), lambda r, c, width: Number(c.q95, "1", width)),
-        (Column("p-value", "p_value", "1"), lambda r, c, width: Number(c.p_value, "1", 0.05)),
+        (Column("p-value", "p_value", "1"), lambda r, c, width: Number(c.p_value, "1", 0.05, CHANCE)),
         (Column("failed", "failed"), lambda r, c, width: c.failed),
         (Column("what it would show", "meaning", brief=False), lambda r, c, width: c.meaning),
         grouped=3,
@@ -665,6 +663,8 @@ def cell_text(cell: Cell, power: int | None = None) -> str:
             return MISSING
         case bool():
             return "yes" if cell else "no"
+        case Number(float(share), finest=float(finest)) if not finest <= share <= 1.0 - finest:
+            return f"< {finest:g}" if share < finest else f"> {1.0 - finest:g}"
         case Number(value, _, resolution):
             return write([value], resolution).plain[0]
         case Estimate(median, low, high):
@@ -676,13 +676,17 @@ def cell_text(cell: Cell, power: int | None = None) -> str:
 def powers(table: Table) -> tuple[int | None, ...]:
     """Power of ten of each column whose numbers share a unit, so that all are written alike; None for other columns."""
     return tuple(
-        _power([row[place] for row in table.rows]) if column.unit not in ("", OF_ROW, SQUARED) else None
+        _power([row[place] for row in table.rows]) if column.unit not in ("", SQUARED) else None
         for place, column in enumerate(table.columns)
     )
 
 
 def _power(cells: Sequence[Cell]) -> int | None:
-    """That of the largest estimate, 0 for numbers of ordinary size; None where there are none."""
+    """That of the largest estimate, 0 for numbers of ordinary size; None where there are none, or others among them."""
+    if len({c.unit for c in cells if isinstance(c, Estimate)}) > 1 or any(
+        isinstance(c, Number) for c in cells
+    ):
+        return None
     written = {
         max(abs(c.median), abs(c.q05), abs(c.q95)): write_interval(c.median, c.q05, c.q95).exponent
         for c in cells
@@ -763,6 +767,8 @@ def tex(table: Table) -> str:
 def _tex_head(column: Column, power: int) -> Tex:
     """Header with its unit for siunitx, and the power of ten that the numbers of the column have in common."""
     name = tex_symbol(column.name)
+    if power and column.unit in ("1", OF_ROW):
+        return Tex(f"{name} [$10^{{{power}}}${' unit' if column.unit == OF_ROW else ''}]")
     if column.unit in ("", "1", OF_ROW, SQUARED):
         return Tex(tex_text(column.header_with(power)) if name == tex_text(column.name) else name)
     unit = " ".join(part for part in (f"$10^{{{power}}}$" if power else "", tex_unit(column.unit)) if part)
@@ -802,7 +808,9 @@ def group_text(table: Table, group: Sequence[Cell]) -> str:
 def _group_word(column: Column, value: Cell) -> str:
     if isinstance(value, bool):
         return "" if value else "not converged"
-    unit = "" if value is None or column.unit == OF_ROW else unit_label(column.unit)
+    if cell_text(value) == MISSING:
+        return ""
+    unit = "" if column.unit == OF_ROW else unit_label(column.unit)
     return f"{cell_text(value)} {unit}".rstrip()
 
 

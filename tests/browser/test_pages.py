@@ -43,6 +43,8 @@ function look(frame) {
     if (c.getBoundingClientRect().right > wide + 1) cut.push(name(c));
   const style = getComputedStyle(page.body);
   return {wide, cut, over, beyond: root.scrollWidth - wide,
+    scrolled: [...page.querySelectorAll(".scroll")].filter(e => e.scrollWidth > e.clientWidth + 1).map(name),
+    small: [...page.images].filter(i => i.width && i.width < Math.min(i.naturalWidth, 650) - 12).map(i => i.alt),
     blank: [...page.images].filter(i => !i.naturalWidth).map(i => i.alt),
     ink: style.color, paper: style.backgroundColor};
 }
@@ -98,6 +100,9 @@ def test_nothing_is_cut_and_nothing_overlaps(report: Path, tmp_path: Path) -> No
         assert found["over"] == []
         assert found["beyond"] <= 0
         assert found["blank"] == []
+        assert found["small"] == [], "letters of a figure are too small to be read"
+        if found["wide"] >= 1400:
+            assert found["scrolled"] == []
 
 
 @pytest.fixture(scope="module")
@@ -284,15 +289,24 @@ def test_a_printed_page_has_no_more_pages_than_it_needs(report: Path, tmp_path: 
     assert 3 <= pages <= 25
 
 
-def test_a_heading_of_rows_is_printed_on_the_page_of_its_first_row(tmp_path: Path) -> None:
+def test_headings_of_a_table_are_printed_on_the_page_of_its_first_row(tmp_path: Path) -> None:
     """Wherever on a page a table begins; links tell on which page what they stand in is printed."""
     style = (resources.files("sma_bayes.report") / "templates" / "report.css").read_text(encoding="utf-8")
-    tables = "".join(
-        f'<div style="break-before: page; height: {above}mm"></div><table><tbody><tr class="group"><th>'
-        f'<a href="https://example.org/group-{above}">group</a></th></tr>'
-        f'<tr><td><a href="https://example.org/row-{above}">row</a></td></tr></tbody></table>'
-        for above in range(200, 250)
-    )
+
+    def link(name: str) -> str:
+        return f'<a href="https://example.org/{name}">{name}</a>'
+
+    def table(above: int, grouped: bool) -> str:
+        key = f"{above}-{'in-groups' if grouped else 'plain'}"
+        group = f'<tr class="group"><th>{link("group-" + key)}</th></tr>' if grouped else ""
+        row = f"<tr><td>{link('row-' + key)}</td></tr>"
+        return (
+            f'<div style="break-before: page; height: {above}mm"></div><table>'
+            f"<caption><span>{link('caption-' + key)}</span></caption>"
+            f"<thead><tr><th>{link('head-' + key)}</th></tr></thead><tbody>{group}{row * 3}</tbody></table>"
+        )
+
+    tables = "".join(table(above, grouped) for above in range(200, 250) for grouped in (False, True))
     page, out = tmp_path / "page.html", tmp_path / "page.pdf"
     page.write_text(f"<!DOCTYPE html><style>{style}</style>{tables}", encoding="utf-8")
     browser(f"--print-to-pdf={out}", page.as_uri())
@@ -301,11 +315,11 @@ def test_a_heading_of_rows_is_printed_on_the_page_of_its_first_row(tmp_path: Pat
         re.findall(rb"(\d+) 0 obj\n<</Type /Annot\b[^(]*/URI \(https://example.org/([\w-]+)\)", printed)
     )
     pages = [
-        {linked[number] for number in re.findall(rb"(\d+) 0 R", found)}
+        {linked[number].partition(b"-")[::2] for number in re.findall(rb"(\d+) 0 R", found)}
         for found in re.findall(rb"/Annots \[([^]]*)\]", printed)
     ]
-    assert len(linked) == 100
-    for names in pages:
-        assert {n for n in names if n.startswith(b"group")} == {
-            n.replace(b"row", b"group") for n in names if n.startswith(b"row")
-        }
+    assert {key for names in pages for kind, key in names if kind == b"row"} == {
+        key for names in pages for kind, key in names
+    }
+    alone = {(kind, key) for names in pages for kind, key in names if (b"row", key) not in names}
+    assert not alone

@@ -13,6 +13,7 @@ import pytest
 from sma_bayes.report.content import Content, Estimate, Number
 from sma_bayes.report.tables import (
     OF_ROW,
+    Cell,
     Column,
     Table,
     cell_text,
@@ -147,7 +148,7 @@ def test_a_number_over_a_group_of_rows_has_its_unit() -> None:
     )
     table = Table("t", "T", "", columns, (), 3)
     assert group_text(table, ("a", Number(68.0, "degF", 0.1), Number(0.5, "1", 0.1))) == "a, 68.00 °F, 0.50"
-    assert group_text(table, ("a", None, None)) == "a, –, –"
+    assert group_text(table, ("a", None, None)) == "a", "what a group does not have is not a dash"
 
 
 def test_rows_are_listed_in_runs() -> None:
@@ -172,6 +173,31 @@ def test_a_column_with_one_unit_has_one_notation_and_its_power_in_the_head() -> 
     assert "2.3100 [2.3000, 2.3200]" in text
     assert "0.04000 [0.03900, 0.04100]" in text
     assert text.count("times") == 0
+
+
+def test_rows_that_share_a_unit_have_one_notation() -> None:
+    columns = (Column("unit", "unit"), Column("R-hat", "rhat", "1"), Column("RMSE", "rmse", OF_ROW))
+    small, large = Estimate(7.55e-5, 6.90e-5, 8.75e-5, "1"), Estimate(1.91e-4, 1.60e-4, 2.34e-4, "1")
+    table = Table("t", "T", "", columns, (("1", small, small), ("1", large, large)))
+    assert powers(table) == (None, -4, -4)
+    text = tex(table)
+    assert r"$\hat{R}$ [$10^{-4}$]" in text
+    assert "RMSE [$10^{-4}$ unit]" in text
+    assert "0.755 [0.690, 0.875]" in text
+    assert "times" not in text
+
+
+@pytest.mark.parametrize("other", [Number(2.508, "1", 0.001), Estimate(0.3, 0.2, 0.4, "N")])
+def test_numbers_of_another_unit_or_without_an_interval_keep_the_notation_of_all(other: Cell) -> None:
+    columns = (Column("unit", "unit"), Column("RMSE", "rmse", OF_ROW))
+    table = Table("t", "T", "", columns, (("1", Estimate(7.5e-5, 7e-5, 8e-5, "1")), ("?", other)))
+    assert powers(table) == (None, None)
+
+
+def test_a_share_is_not_told_more_finely_than_it_is_known() -> None:
+    shares = [cell_text(Number(p, "1", 0.05, 0.002)) for p in (0.0, 0.0019, 0.002, 0.5, 0.998, 1.0)]
+    assert shares == ["< 0.002", "< 0.002", "0.002", "0.500", "0.998", "> 0.998"]
+    assert cell_text(Number(None, "1", 0.05, 0.002)) == "–"
 
 
 def test_numbers_of_ordinary_size_keep_their_notation() -> None:
