@@ -10,7 +10,7 @@ from sma_bayes.studies.sensitivity.schema import (
     RecordSensitivity,
     StoredSensitivity,
 )
-from sma_bayes.studies.sensitivity.words import reported, worst_sweep
+from sma_bayes.studies.sensitivity.words import called, reported, worst_sweep
 
 _OF_RECORD = (Column("condition", "condition"), Column("branch", "branch"))
 SD = "sd"
@@ -73,7 +73,7 @@ def _readings(records: tuple[RecordSensitivity, ...]) -> Table:
             one = q.reading
             if one is not None:
                 rows.append((
-                    r.condition, r.branch, q.name, one.row, one.sweep, one.channel,
+                    r.condition, r.branch, q.name, one.row, one.sweep, called(r, one.channel),
                     _number(one.temperature, r.temperature_unit, 0.01), unit_label(r.temperature_unit),
                     _number(one.change, SD), _number(one.change_by_weights, SD), _number(one.pareto_k, "1", 0.01),
                     _number(one.readings_in_effect, "1", 1.0),

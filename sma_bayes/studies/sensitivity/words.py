@@ -26,6 +26,14 @@ def reported(record: RecordSensitivity) -> tuple[QuantitySensitivity, ...]:
     return tuple(q for q in record.quantities if q.kind != "noise")
 
 
+def called(record: RecordSensitivity, channel: str) -> str:
+    """Name of a channel as the record has it: the strain of a wire, where ``displacement`` is stored."""
+    names = (
+        q.name.partition(" at ")[0] for q in record.quantities if q.channel == channel and q.kind == "curve"
+    )
+    return next(names, channel)
+
+
 def worst_sweep(q: QuantitySensitivity) -> tuple[int, float] | None:
     """The sweep without which a number changes most, and its change [posterior sd]; None where none is told."""
     told = [(s.sweep, s.change) for s in q.sweeps if s.change is not None]
@@ -93,13 +101,8 @@ def _of_readings(told: Told) -> Iterator[str]:
     if not found:
         return
     _, reading, r, q = max(found, key=lambda x: x[0])
-    called = (
-        n.name.partition(" at ")[0]
-        for n in r.quantities
-        if n.channel == reading.channel and n.kind == "curve"
-    )
     yield (
-        f"The reading that decides most is row {reading.row} of {r.key} ({next(called, reading.channel)} at "
+        f"The reading that decides most is row {reading.row} of {r.key} ({called(r, reading.channel)} at "
         f"{reading.temperature:.4g} {unit_text(r.temperature_unit)}): without it {q.name} moves by "
         f"{reading.change or 0.0:+.2g} posterior standard deviations"
     )

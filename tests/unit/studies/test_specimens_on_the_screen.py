@@ -7,11 +7,17 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from sma_bayes import fit_campaign, sensitivity
 from sma_bayes.records.campaign import read_campaign
+from sma_bayes.runs.documents import SENSITIVITY
+from sma_bayes.runs.finished_run import read_finished
 from sma_bayes.studies.compare.terminal import comparison_text
 from sma_bayes.studies.compare.workflow import compare
 from sma_bayes.studies.inspect.terminal import show_inspection
 from sma_bayes.studies.inspect.workflow import inspect_campaign
+from sma_bayes.studies.sensitivity.figures.sensitivity import readings_figure
+from sma_bayes.studies.sensitivity.schema import SensitivityDocument
+from sma_bayes.studies.sensitivity.shown import in_declared_units
 
 
 @pytest.fixture(scope="module")
@@ -52,6 +58,17 @@ def test_findings_are_about_strain_and_stress(wire: Path, capsys: pytest.Capture
     assert "force" not in shown
     told = next(f.message for f in campaign.findings if f.kind == "constant-load")
     assert all(len(word.replace(".", "")) <= 4 for word in told.split() if word[0].isdigit())
+
+
+def test_readings_that_decide_are_readings_of_the_strain(wire: Path, tmp_path: Path) -> None:
+    fit_campaign(read_campaign(wire), tmp_path / "fit", noise="independent", jobs=1, figures="none")
+    sensitivity(tmp_path / "fit", tmp_path / "out", jobs=1)
+    table = (tmp_path / "out" / "tables" / "readings.csv").read_text(encoding="utf-8")
+    assert ",strain," in table
+    assert ",displacement," not in table
+    stored = read_finished(SENSITIVITY, SensitivityDocument, tmp_path / "out", in_declared_units)
+    figure = readings_figure(stored, stored.found.records[0]).figure
+    assert [text.get_text() for text in figure.legends[0].texts] == ["strain", "decides most"]
 
 
 def test_a_comparison_names_the_strain(wire: Path, tmp_path: Path) -> None:

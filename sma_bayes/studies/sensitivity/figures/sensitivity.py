@@ -29,7 +29,7 @@ from sma_bayes.report.notation import unit_label
 from sma_bayes.runs.declared_units import shown_as, units_of
 from sma_bayes.runs.outputs import floats
 from sma_bayes.studies.sensitivity.schema import QuantitySensitivity, RecordSensitivity, StoredSensitivity
-from sma_bayes.studies.sensitivity.words import reported
+from sma_bayes.studies.sensitivity.words import called, reported
 
 LEAST: Final = 1e-3
 """Sensitivities below it are drawn there."""
@@ -149,8 +149,7 @@ def readings_figure(stored: StoredSensitivity, record: RecordSensitivity) -> Dra
                     alpha=0.75, rasterized=True)  # fmt: skip
         if q.reading is not None and q.reading.change is not None:
             ax.plot(q.reading.temperature, q.reading.change, "o", ms=7, mfc="none", mec=WARNING, mew=0.9)
-            ax.text(0.98, 0.97, f"row {q.reading.row}", transform=ax.transAxes, ha="right", va="top", fontsize=7,
-                    color=WARNING)  # fmt: skip
+            ax.set_title(f"row {q.reading.row}", loc="right", fontsize=7, color=WARNING)
         ax.set_title(q.name)
         ax.margins(y=0.12)
     for ax in axes.flat[len(quantities) :]:
@@ -160,7 +159,9 @@ def readings_figure(stored: StoredSensitivity, record: RecordSensitivity) -> Dra
             ax.set_xlabel(f"temperature [{unit_label(record.temperature_unit)}]")
         if number % 2 == 0:
             ax.set_ylabel("change without [sd]")
-    handles = [dot_handle(CHANNELS.get(name, INK), name) for name in dict.fromkeys(channel.tolist())]
+    handles = [
+        dot_handle(CHANNELS.get(name, INK), called(record, name)) for name in dict.fromkeys(channel.tolist())
+    ]
     handles.append(dot_handle(WARNING, "decides most", hollow=True))
     figure.legend(handles=handles, loc="upper right", ncols=len(handles), frameon=False)
     heading(figure, f"Readings of {record.key}", "" if record.converged else "NOT CONVERGED")
