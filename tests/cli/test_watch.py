@@ -20,7 +20,10 @@ import numpy as np
 import pytest
 
 import sma_bayes
+from sma_bayes.runs.documents import WATCH
+from sma_bayes.runs.finished_run import read_finished
 from sma_bayes.runs.shown import in_declared_units
+from sma_bayes.studies.watch.figures.watched import evidence_figure
 from sma_bayes.studies.watch.schema import WatchDocument
 
 Published = Callable[[str], Any]
@@ -74,7 +77,13 @@ def test_the_document_is_as_published_and_every_file_is_there(out: Path, publish
     published("watch-state").validate(json.loads((out / "state.json").read_text(encoding="utf-8")))
     assert len(found["cycles"]) == QUIET + FAULTY
     assert found["fitted"] == [1, 2, 3, 4]
-    assert found["statement"] in (out / "report.html").read_text(encoding="utf-8").replace("&#39;", "'")
+    page = (out / "report.html").read_text(encoding="utf-8").replace("&#39;", "'").replace("\u00a0%", "%")
+    for said in (
+        found["statement"],
+        found["change"]["statement"],
+        *(r["statement"] for r in found["limits"]),
+    ):
+        assert f"<p>{said[0].upper()}{said[1:]}.</p>" in page.replace("<strong>", "").replace("</strong>", "")
     for name in ("evidence", "numbers"):
         assert (out / "figures" / f"{name}.png").is_file()
     with (out / "cycles.csv").open(encoding="utf-8") as file:
@@ -115,6 +124,15 @@ def test_limits_that_are_far_are_not_reached(out: Path) -> None:
         assert r["fitted"] == pytest.approx(0.018, rel=0.02)
         assert r["probability"] < 0.1
     assert limits[2]["target"] == pytest.approx(0.025)
+
+
+def test_title_and_legend_of_the_evidence_do_not_touch(out: Path) -> None:
+    figure = evidence_figure(read_finished(WATCH, WatchDocument, out, in_declared_units)).figure
+    figure.draw_without_rendering()
+    (title,), (legend,) = figure.texts, figure.legends
+    axes = figure.axes[0].get_tightbbox()
+    boxes = [title.get_window_extent(), legend.get_window_extent(), axes]
+    assert not any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])
 
 
 def test_people_are_told_in_declared_units(out: Path) -> None:

@@ -208,8 +208,8 @@ def _statement(remaining: IntervalDocument, horizon: int, probability: float) ->
     if middle == 0.0:
         return "reached"
     if middle is None:
-        least = "" if low is None else f", or in {low:.0f} at the earliest (5 %)"
-        return f"not within {horizon} cycles{least}; probability {probability:.0%}"
+        least = "" if low is None else f", 5 % within {low:.0f}"
+        return f"hardly within {horizon} cycles: probability {probability:.0%}{least}"
     upper = f"{high:.0f}" if high is not None else f"more than {horizon}"
     return f"in {middle:.0f} cycles (90 %: {low:.0f} to {upper})"
 

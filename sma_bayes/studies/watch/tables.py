@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from typing import Final
 
+from sma_bayes.document_part import IntervalDocument
 from sma_bayes.report.content import Estimate, Number
-from sma_bayes.report.notation import unit_label
+from sma_bayes.report.notation import NORMAL_90, unit_label
 from sma_bayes.report.tables import OF_ROW, Cell, Column, Table
 from sma_bayes.studies.watch.schema import LimitDocument, StoredWatch, WatchDocument, WatchedNumber
 
@@ -88,17 +89,22 @@ def _limits(found: WatchDocument) -> Table:
     )  # fmt: skip
     rows = tuple(
         (
-            r.branch, r.channel, r.limit, unit_label(r.unit) or "1", _value(r.fitted, r.unit),
-            Estimate.of(r.now, r.unit), _value(r.target, r.unit),
+            r.branch, r.channel, r.limit, unit_label(r.unit) or "1", _value(r.fitted, r.unit, _sd(r.now)),
+            Estimate.of(r.now, r.unit), _value(r.target, r.unit, _sd(r.now)),
             remaining_text(r), Number(r.probability, "1", 0.01),
         )
         for r in found.limits
     )  # fmt: skip
     horizon = max((r.horizon for r in found.limits), default=0)
     note = (
-        f"Median and 90 % interval; looked for over {horizon} cycles, by the laws and the walk of `cycles`."
+        f"Median and 90 % interval; looked for over {horizon} cycles, by the laws and the random walk of sma-bayes "
+        "cycles."
     )
     return Table("limits", "Cycles that remain", note, columns, rows, 2)
+
+
+def _sd(now: IntervalDocument) -> float | None:
+    return None if now.q05 is None or now.q95 is None else (now.q95 - now.q05) / NORMAL_90
 
 
 def remaining_text(r: LimitDocument) -> str:

@@ -36,8 +36,8 @@ def evidence_figure(stored: StoredWatch) -> Drawing:
     cycle = np.array([c.cycle for c in found.cycles])
     total = np.array([c.log10_e for c in found.cycles])
     needed = -float(np.log10(found.alpha))
-    figure = empty_sheet(6.4, 3.0)
-    ax = panels(figure, 1, 1, left=0.75, right=0.2, bottom=0.5, top=0.55)[0][0]
+    figure = empty_sheet(6.4, 3.2)
+    ax = panels(figure, 1, 1, left=0.75, right=0.2, bottom=0.85, top=0.3)[0][0]
     share = np.log10(len(found.numbers))
     for n in found.numbers:
         ax.plot(cycle, np.array(n.log10_e) - share, color=COLOURS[n.branch], lw=0.6, alpha=0.45)
@@ -60,7 +60,7 @@ def evidence_figure(stored: StoredWatch) -> Drawing:
         handles=[
             dot_handle(INK, "greatest of all numbers"), *(dot_handle(COLOURS[b], f"numbers, {b}") for b in branches)
         ],
-        loc="upper right", ncols=1 + len(branches), bbox_to_anchor=(1.0, 1.0),
+        loc="lower center", ncols=1 + len(branches),
     )  # fmt: skip
     data: dict[str, Any] = {"cycle": cycle, "log10_e": total, "log10_alarm": np.full(cycle.size, needed)}
     caption = (
