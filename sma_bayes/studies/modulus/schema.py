@@ -181,6 +181,12 @@ class ModulusFindings(DeclaredUnits):
     )
     findings: Items[FindingDocument] = Field(description="about the measurements")
 
+    @property
+    def doubts(self) -> tuple[tuple[str, str], ...]:
+        """Severity and words of what is more than a note, each once, however many sweeps of a file it is true of."""
+        told = ((f.severity, f"{f.file}: {f.message}") for f in self.findings if f.severity != "note")
+        return tuple(dict.fromkeys(told))
+
 
 class ModulusDocument(RunAccount, FilesBeside, ModulusFindings):
     """What `sma-bayes modulus` writes: `modulus.json`."""

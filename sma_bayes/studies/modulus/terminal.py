@@ -32,12 +32,8 @@ def show_modulus(told: Mapping[str, Any], out: Path) -> None:
             f"{b.branch}, storage modulus at {b.at:.6g} {unit_text(found.temperature_unit)}: times "
             f"{interval_text(f.median, f.q05, f.q95)} per decade of frequency"
         )
-    doubtful = [finding for finding in found.findings if finding.severity != "note"]
     console.tell(
-        *(
-            f"{'SERIOUS: ' if finding.severity == 'serious' else ''}{finding.file}: {finding.message}"
-            for finding in doubtful[:SHOWN]
-        )
+        *(f"{'SERIOUS: ' if severity == 'serious' else ''}{text}" for severity, text in found.doubts[:SHOWN])
     )
     console.tell(*(*found.declared_differently, *found.remarks, *(f"left out {t}" for t in found.left_out)))
     if not found.converged:
