@@ -31,7 +31,7 @@ def plan_tables(stored: StoredPlan) -> dict[str, Table]:
 
 def _settings(step: PlannedCandidate | DesignStep, unit: str) -> tuple[Cell, ...]:
     return (
-        step.condition, f"{step.lowest:g} {unit_label(unit)}", f"{step.peak:g} {unit_label(unit)}",
+        step.condition, f"{step.lowest:.1f} {unit_label(unit)}", f"{step.peak:.1f} {unit_label(unit)}",
         rate_text(step.rate, unit), step.cycles, step.samples, Number(step.hours, "h", 0.01 * step.hours),
     )  # fmt: skip
 
@@ -65,7 +65,9 @@ def _candidates(found: PlanDocument) -> Table:
                 Number(best, "1", 0.01),
             )
         name: tuple[Cell, ...] = (c.name,) if several else ()
-        rows.append((c.rank, *name, *_settings(c, unit), *told, " ".join(c.branches), ", ".join(c.beyond)))
+        rows.append(
+            (c.rank, *name, *_settings(c, unit), *told, " and ".join(c.branches), ", ".join(c.beyond))
+        )
     note = "The best first, by what they tell per hour on the rig. " + (
         "For each pair of explanations, the probability that the candidate tells them apart."
         if apart
