@@ -288,12 +288,12 @@ def number_and_unit(text: str, *, what: str = "value") -> tuple[float, str]:
 
 
 def unit_text(unit: str) -> str:
-    """Unit as shown to people: ``degC`` becomes ``°C``, ``percent`` ``%``, ``arbitrary`` stays a word.
+    """Unit as shown to people: ``degC`` becomes ``°C``, ``percent`` ``%``, ``A^2`` ``A²``, ``arbitrary`` stays a word.
 
     Examples
     --------
-    >>> unit_text("1/degC"), unit_text("percent"), unit_text("1"), unit_text("arbitrary")
-    ('1/°C', '%', '', 'arbitrary unit')
+    >>> unit_text("1/degC"), unit_text("percent"), unit_text("K/(s A^2)"), unit_text("1"), unit_text("arbitrary")
+    ('1/°C', '%', 'K/(s A²)', '', 'arbitrary unit')
     """
     if unit == "1":
         return ""
@@ -301,6 +301,7 @@ def unit_text(unit: str) -> str:
         unit.replace("degC", "°C")
         .replace("degF", "°F")
         .replace("percent", "%")
+        .replace("^2", "²")
         .replace(ARBITRARY, "arbitrary unit")
     )
 

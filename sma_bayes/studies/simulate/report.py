@@ -11,6 +11,7 @@ from sma_bayes.report.notation import unit_label
 from sma_bayes.runs.declared_units import shown_product, units_of
 from sma_bayes.runs.documents import SIMULATION
 from sma_bayes.runs.finished_run import read_finished
+from sma_bayes.studies.gap.words import p_text
 from sma_bayes.studies.simulate.figures.course import course_figure
 from sma_bayes.studies.simulate.schema import SimulationDocument
 from sma_bayes.studies.simulate.tables import simulation_tables
@@ -32,6 +33,7 @@ def build_report(folder: Path, wanted: ReportOptions) -> None:
         simulation_tables,
         kelvins={"factor": kelvins.factor, "label": unit_label(kelvins.shown)},
         balance=balance_text(found),
+        p_text=p_text,
         reach=[] if found.reach is None else [line.strip() for line in reach_lines(found.reach)],
         closing=closing(found),
         slopes=list(dict.fromkeys(f"{r.condition}: {r.caution}" for r in found.runs if r.caution)),

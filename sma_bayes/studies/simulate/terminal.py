@@ -9,7 +9,7 @@ from typing import Any, Final
 from rich.table import Table
 
 from sma_bayes.errors import many
-from sma_bayes.report.notation import interval_text, unit_label
+from sma_bayes.report.notation import interval_text, unit_label, write_interval
 from sma_bayes.report.screen import NOT_CONVERGED, numbers, screen, show_end, titled
 from sma_bayes.runs.declared_units import units_of
 from sma_bayes.runs.shown import shown_part
@@ -96,7 +96,7 @@ def value_text(v: ValueAtEnd) -> str:
         return "-"
     if v.pred_q05 is None or v.pred_q95 is None:
         return f"{v.median:.4g}"
-    return f"{v.median:.4g} ({v.pred_q05:.4g} to {v.pred_q95:.4g})"
+    return "{} ({} to {})".format(*write_interval(v.median, v.pred_q05, v.pred_q95).plain)
 
 
 def reach_lines(reach: ReachDocument) -> Iterator[str]:
