@@ -27,7 +27,10 @@ def _constants(card: ConstitutiveCard) -> Table:
         "transformation.",
         [(c,) for c in (*card.constants, *card.at_reference)],
         (Column("constant", "constant"), lambda c: c.name),
-        (Column("in the card", "value", OF_ROW), lambda c: Number(c.value, c.unit, 1e-9)),
+        (
+            Column("in the card", "value", OF_ROW),
+            lambda c: Number(c.value, c.unit, 1e-3 * abs(c.value) or 1.0),
+        ),
         (Column("posterior", "posterior", OF_ROW), lambda c: Estimate.of(c, c.unit)),
         (Column("unit", "unit"), lambda c: unit_label(c.unit) or "1"),
         (Column("identified", "identified"), lambda c: "yes" if c.identified else "no"),

@@ -397,8 +397,8 @@ def expansion_caution(austenite: float, martensite: float) -> tuple[str, ...]:
     if abs(difference) <= EXPANSIONS_ALIKE:
         return ()
     return (
-        f"The slopes of the phases differ by {difference:.2g} per K, which the card keeps as a difference of "
-        "expansions: simcoon needs tangent_mode='closest_point' then, else it ends at the start of the "
+        f"The slopes of the phases differ by {1e6 * difference:.2g} microstrain per K, which the card keeps as a "
+        "difference of expansions: simcoon needs tangent_mode='closest_point' then, else it ends at the start of the "
         "transformation.",
     )
 
@@ -424,7 +424,7 @@ def _cautions(made: _Made | None, tables: Sequence[TabulatedQuantiles]) -> Itera
             worst = max(poor, key=lambda s: s.card)
             yield (
                 f"The card misses the curve of {many(len(poor), 'sweep')} by more than {POOR:.0%} of its range, "
-                f"{worst.key} by {worst.card:.0%} (root mean square): one law does not hold for all of them."
+                f"{worst.key} by {worst.card:.1%} (root mean square): one law does not hold for all of them."
             )
         short = [s.key for s in stated.sweeps if not s.finished]
         if short:
