@@ -250,7 +250,9 @@ def judgement(study: GapStudy, candidate: Candidate) -> tuple[Status, str]:
     if study.p_value > SIGNIFICANT:
         return "rejected", f"there is no disagreement to explain (p = {study.p_value:.2g})"
     if candidate.fitted is None:
-        return "rejected", "its signature explains far less of the residuals than the best one's"
+        return "rejected", (
+            "not fitted in full: in the screening, by its signature, others explained far more"
+        )
     if candidate.ln_bayes_factor < WORTH:
         return "rejected", f"ln Bayes factor {candidate.ln_bayes_factor:.1f}, below {WORTH:g}"
     if not candidate.plausible:

@@ -144,12 +144,17 @@ def disagreement_table(study: StoredStudy) -> Table:
             (
                 i, d.condition, d.branch, channel_text(study.part.channels, d.channel),
                 covariate_text(study.part.channels, d.covariate),
-                Number(d.from_, d.unit), Number(d.to, d.unit), unit_label(d.unit) or "1",
+                *(round(v) if d.covariate in COUNTED else Number(v, d.unit) for v in (d.from_, d.to)),
+                unit_label(d.unit) or "1",
                 Number(abs(d.size_sigma), "1", 0.5), "above" if d.mean_residual > 0.0 else "below",
             )
             for i, d in enumerate(found, 1)
         ),
     )  # fmt: skip
+
+
+COUNTED: Final = ("order", "cycle")
+"""Covariates that are whole numbers."""
 
 
 def _quantiles(found: IntervalDocument, unit: str) -> Iterator[Number]:

@@ -108,8 +108,8 @@ def _map_caption(rows: Sequence[tuple[str, int]], *, compared: bool) -> str:
     text = (
         "Residuals as innovations of the noise, averaged in cells of temperature and "
         + ("cycle" if any(cycle > 1 for _, cycle in rows) else "condition")
-        + ", in standard errors: red where more was measured than the model and the sample before let expect, blue "
-        "where less, grey where nothing was measured. Under noise alone they scatter by about 1 without a pattern."
+        + ", in standard errors: red where more was measured than is expected from the model and the sample before, "
+        "blue where less, grey where nothing was measured. Under noise alone they scatter by about 1 without a pattern."
     )
     if not compared:
         return text
