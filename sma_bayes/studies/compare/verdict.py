@@ -109,7 +109,7 @@ def _reason(
     factor = best.ln_evidence - rival.ln_evidence
     if len(families) > 1:
         enough = "" if _ahead(best, rival) else ", which is too little to tell"
-        lead = f"ahead of {rival.name} by ln {factor:.1f}{enough}"
+        lead = f"ahead of {rival.name} by {factor:.1f} in ln evidence{enough}"
         return f"{twins} are the same curve of this channel, {lead}", False
     if not _ahead(best, rival):
         least = f"less than {DECISIVE:.1f} beyond its error"
@@ -117,7 +117,9 @@ def _reason(
     others = [s for s in voting if s.family != best.family]
     worst = min(others, key=lambda o: _lead(best, o))
     if _lead(best, worst) < -AGAINST:
-        behind = f"the evidence prefers {best.name} by ln {factor:.1f}, but {worst.name} predicts better"
+        behind = (
+            f"the evidence prefers {best.name} by {factor:.1f} (logarithm), but {worst.name} predicts better"
+        )
         return f"{behind} what was held out, by {-difference(best.folds, worst.folds).value:.1f}", False
     gained = difference(best.folds, rival.folds)
     low, high = (-np.inf, np.inf) if gained.low is None or gained.high is None else (gained.low, gained.high)
