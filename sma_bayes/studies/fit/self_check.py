@@ -21,6 +21,7 @@ on data", arXiv:2502.03279 (2025), doi:10.48550/arXiv.2502.03279.
 from __future__ import annotations
 
 import csv
+import time
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -34,15 +35,15 @@ from sma_bayes.account import Account
 from sma_bayes.arrays import Floats, Ints
 from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.assess.rank_uniformity import FALSE_ALARMS, places, rejected, uniformity
-from sma_bayes.errors import OutputError, SmaBayesError
+from sma_bayes.errors import OutputError, SmaBayesError, many
 from sma_bayes.fitting.discrepancy import DiscrepancyBasis
 from sma_bayes.fitting.posterior import Posterior, Weights
 from sma_bayes.limits import REPLICATES
 from sma_bayes.noise import NOISE_MODELS
-from sma_bayes.progress import Progress
+from sma_bayes.progress import Progress, announce
 from sma_bayes.records.types import Record
 from sma_bayes.runs.fit_document import RankSummary, SelfCheckSummary
-from sma_bayes.runs.jobs import run
+from sma_bayes.runs.jobs import by_the_clock, run
 from sma_bayes.runs.store import write_csv
 from sma_bayes.sampling.importance import WeightedDraws
 from sma_bayes.sampling.weighted import resampled
@@ -64,6 +65,8 @@ BATCH: Final = 25
 """Replicates of one task."""
 PILOTS: Final = 8
 """Further replicates, of no other account, whose refits tell the shape that all have in common."""
+TIMED: Final = 2
+"""Refits of these that are made again with that shape, to tell what all will take."""
 FEWEST: Final = 20
 """Replicates below which nothing is told."""
 LOST: Final = 0.05
@@ -225,6 +228,37 @@ def common_shape(task: ReplicateTask) -> CommonShape | None:
         return CommonShape.of(found, np.random.default_rng(np.random.SeedSequence([*task.seed, 1])))
 
 
+@dataclass(frozen=True, slots=True, eq=False)
+class FirstRefits:
+    """What the first refits of a record tell of all others.
+
+    Attributes
+    ----------
+    common : CommonShape or None
+        See `common_shape`.
+    seconds : float
+        Processor time of a refit [s].
+    """
+
+    common: CommonShape | None
+    seconds: float
+
+
+def first_refits(task: ReplicateTask) -> FirstRefits:
+    """The shape that refits have in common, and what a refit with it takes."""
+    common = common_shape(task)
+    return FirstRefits(common, seconds_of_a_refit(replace(task, common=common)))
+
+
+def seconds_of_a_refit(task: ReplicateTask) -> float:
+    """Processor time of a refit [s], by `TIMED` of a task."""
+    some = slice(0, TIMED)
+    weights = tuple({c: w[some] for c, w in of.items()} for of in task.weights)
+    begun = time.process_time()
+    ranked(replace(task, theta=task.theta[some], weights=weights))
+    return (time.process_time() - begun) / TIMED
+
+
 def ranked(task: ReplicateTask) -> RecordRanks:
     """Simulate, fit again and rank."""
     posterior = task.posterior
@@ -314,14 +348,20 @@ def checked(
     open_ = [n for n, done in enumerate(known) if done is None]
     if tell is not None and open_:
         tell(0, sum(len(shared[n]) for n in open_), "self-check: first refits")
-    shapes = run(
-        common_shape,
-        [pilot_task(*records[n], seed) for n in open_],
-        jobs,
-        account=account,
-        stage="self_check",
+    first = list(
+        run(
+            first_refits,
+            [pilot_task(*records[n], seed) for n in open_],
+            jobs,
+            account=account,
+            stage="self_check",
+        )
     )
-    todo = [replace(t, common=shape) for n, shape in zip(open_, shapes, strict=True) for t in shared[n]]
+    todo = [replace(t, common=f.common) for n, f in zip(open_, first, strict=True) for t in shared[n]]
+    if tell is not None and open_:
+        each = [len(t.theta) * f.seconds for n, f in zip(open_, first, strict=True) for t in shared[n]]
+        what = f"self-check of {many(len(open_), 'record')}, {many(replicates, 'refit')}"
+        announce(tell, by_the_clock(each, jobs), what if len(open_) == 1 else f"{what} each")
     results = run(ranked, todo, jobs, account=account, stage="self_check")
     count = 0
     for (draws, _), tasks, done, path in zip(records, shared, known, paths, strict=True):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
@@ -13,6 +14,7 @@ from scipy.stats import multivariate_normal
 import sma_bayes
 from sma_bayes.assess.draws import RecordDraws, record_draws
 from sma_bayes.errors import SmaBayesError
+from sma_bayes.progress import LogLines
 from sma_bayes.records.types import Campaign, Record
 from sma_bayes.studies.fit import self_check
 from sma_bayes.studies.fit.self_check import augmented, checked, read_places, replicates_asked
@@ -157,3 +159,25 @@ def test_numbers_out_of_range_are_refused() -> None:
     for wrong in (5, -1, 10**9):
         with pytest.raises(SmaBayesError, match="self_check"):
             replicates_asked(wrong)
+
+
+def test_what_takes_long_is_announced_before_it_begins(
+    draws: RecordDraws, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of refits that are told to take half a second each; nothing where all is read."""
+    monkeypatch.setattr(self_check, "seconds_of_a_refit", lambda *_: 0.5)
+    out = io.StringIO()
+    progress = LogLines(file=out)
+    (first,) = checked([(draws, False)], 400, 0, tmp_path, jobs=1, tell=progress)
+    announced, *lines = [line for line in out.getvalue().splitlines() if "first refits" not in line]
+    assert "self-check of 1 record, 400 refits: about 3 min, give or take a factor of three" in announced
+    assert "give or take" not in "".join(lines)
+    out.truncate(0)
+    assert [*checked([(draws, False)], 400, 0, tmp_path, jobs=1, tell=progress)] == [first]
+    assert out.getvalue().strip("\0") == ""
+
+
+def test_a_refit_is_timed_by_those_that_are_not_counted(draws: RecordDraws) -> None:
+    found = self_check.first_refits(self_check.pilot_task(draws, False, 0))
+    assert found.common is not None
+    assert found.seconds > 0.0
