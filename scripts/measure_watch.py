@@ -1,24 +1,35 @@
 """Measure what `watch` is good for: false alarms in quiet cycles, and how soon faults are found and named.
 
-python scripts/measure_watch.py [--springs 20] [--cycles 500] [--fitted 4] [--seed 0]
+python scripts/measure_watch.py files [--springs 100] [--cycles 100] [--out docs/data/watch.csv]
+python scripts/measure_watch.py series [--springs 20] [--cycles 500] [--fitted 4] [--seed 0]
 
-Springs and faults are those of `tests/watched_spring.py`: grains with skewed temperatures, noise with a memory, a
-thermometer that errs, sweeps that scatter. Each spring is fitted by its first cycles; quiet ones follow. Then each
-fault begins after five more quiet cycles.
+Springs and faults are those of `tests/watched_spring.py`. Each spring is fitted by its first cycles; quiet ones follow.
+A fault then begins after five more quiet cycles. `p_value` of the quiet ones is the least alpha with an alarm at any
+look.
+
+`files` does it as users do: each further cycle is a file of its own, and all are given to `watch`. Springs have in turn
+the published curve, and grains with skewed temperatures, noise with a memory and a thermometer that errs. Each has one
+of the faults. Rows that the table holds are not made again; what is said of all is printed.
+
+`series` reads many cycles at once, without the verb, so that series may be long: grains alone, each with every fault.
 """
 
 from __future__ import annotations
 
 import argparse
+import csv
 import importlib.util
 import sys
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import ModuleType
+from typing import Any, Final
 
 import numpy as np
 
+import sma_bayes
 from sma_bayes.records.campaign import read_campaign
 from sma_bayes.records.types import Record
 from sma_bayes.studies.cycles.sweeps import sweeps_of
@@ -27,7 +38,12 @@ from sma_bayes.studies.watch.naming import causes_of, change_of, named
 from sma_bayes.studies.watch.reference import Reference, reference_of
 from sma_bayes.studies.watch.state import StrandNumbers
 
-QUIET_BEFORE, FAULTY, ALPHA = 5, 15, 0.01
+QUIET_BEFORE, FAULTY, FITTED, ALPHA = 5, 15, 4, 0.01
+COLUMNS: Final = ("spring", "kind", "fault", "cycles", "p_value", "alarm", "named")
+QUIET: Final = "none"
+GRAINS: Final = "grains"
+FAULTS: Final = ("offset_drift", "loose_thermocouple", "worn", "moved")
+TABLE: Final = Path(__file__).parents[1] / "docs" / "data" / "watch.csv"
 
 
 def generator() -> ModuleType:
@@ -42,7 +58,87 @@ def generator() -> ModuleType:
     return module
 
 
-def records_of(spring: ModuleType, rig, cycles: list, folder: Path) -> tuple[Record, ...]:
+def kinds(spring: Any) -> dict[str, Any]:
+    """Rigs by name."""
+    return {
+        "published curve": spring.PLAIN,
+        GRAINS: replace(spring.GRAINS, channels=("displacement",), samples=40),
+    }
+
+
+def faulty_cycles(spring: Any, rig: Any, fault: str, rng: np.random.Generator) -> Iterator[Any]:
+    """Quiet cycles, then those of a fault."""
+    for n in range(1 - QUIET_BEFORE, FAULTY + 1):
+        if n < 1:
+            yield rig.cycle(rng)
+        elif fault == "worn":
+            yield rig.cycle(rng, worn=0.03 * np.log1p(n))
+        elif fault == "moved":
+            yield rig.cycle(rng, moved=0.6)
+        else:
+            yield getattr(spring, fault)(n, rig.cycle(rng))
+
+
+def rows_of(spring: Any, number: int, cycles: int) -> Iterator[dict[str, Any]]:
+    """A fit, a watch of its quiet cycles, and one of a fault, each cycle a file."""
+    rng = np.random.default_rng([20, number])
+    names = list(kinds(spring))
+    kind = names[number % len(names)]
+    rig = kinds(spring)[kind]
+    fault = FAULTS[number // len(names) % len(FAULTS)]
+    with TemporaryDirectory() as place:
+        folder = Path(place)
+        campaign = sma_bayes.read_campaign(rig.campaign(folder / "bench", rng, FITTED))
+        sma_bayes.fit_campaign(campaign, folder / "fit", jobs=1, figures="none", noise="independent")
+        watched = {
+            QUIET: [rig.cycle(rng) for _ in range(cycles)],
+            fault: [*faulty_cycles(spring, rig, fault, rng)],
+        }
+        for name, read in watched.items():
+            files = [spring.write(folder / name / f"{n:03}.csv", [cycle]) for n, cycle in enumerate(read, 1)]
+            found = sma_bayes.watch(folder / "fit", files, alpha=ALPHA)
+            yield {
+                "spring": number,
+                "kind": kind,
+                "fault": name,
+                "cycles": len(found["cycles"]),
+                "p_value": f"{found['p_value']:.4g}",
+                "alarm": (found["alarm"] or {}).get("cycle", ""),
+                "named": "/".join(cause["id"] for cause in found["change"]["causes"]),
+            }
+
+
+def rows_of_series(
+    spring: Any, number: int, cycles: int, fitted: int, rng: np.random.Generator
+) -> Iterator[dict[str, Any]]:
+    """The same of cycles that are read at once, and of every fault."""
+    rig = kinds(spring)[GRAINS]
+    with TemporaryDirectory() as place:
+        records = _records_of(spring, rig, [rig.cycle(rng) for _ in range(fitted)], Path(place))
+        reference = reference_of(records, {r.key: "sinh_arcsinh" for r in records}, 0)
+        for fault in (QUIET, *FAULTS):
+            read = (
+                [rig.cycle(rng) for _ in range(cycles)]
+                if fault == QUIET
+                else [*faulty_cycles(spring, rig, fault, rng)]
+            )
+            watched = reference.watched(_numbers_of(reference, _records_of(spring, rig, read, Path(place))))
+            evidence = log_evidence(watched)
+            over = np.flatnonzero(evidence.max(axis=1) >= np.log(evidence.shape[1] / ALPHA))
+            change = change_of(watched, onset(watched, int(evidence[-1].argmax()))) if over.size else None
+            causes = [] if change is None else named(change, causes_of(reference.strands))
+            yield {
+                "spring": number,
+                "kind": GRAINS,
+                "fault": fault,
+                "cycles": len(read),
+                "p_value": f"{min(1.0, float(np.exp(np.log(evidence.shape[1]) - evidence.max()))):.4g}",
+                "alarm": int(over[0]) + 1 if over.size else "",
+                "named": "/".join("+".join(c.id for c in x.causes) for x in causes),
+            }
+
+
+def _records_of(spring: Any, rig: Any, cycles: Sequence[Any], folder: Path) -> tuple[Record, ...]:
     """Cycles written and read as a campaign."""
     spring.write(folder / "fitted.csv", cycles)
     text = spring.TOML.replace("{force}", spring.FORCE if "force" in rig.channels else "")
@@ -50,7 +146,7 @@ def records_of(spring: ModuleType, rig, cycles: list, folder: Path) -> tuple[Rec
     return read_campaign(folder).records
 
 
-def numbers_of(reference: Reference, records: tuple[Record, ...]) -> list[list[StrandNumbers]]:
+def _numbers_of(reference: Reference, records: tuple[Record, ...]) -> list[list[StrandNumbers]]:
     """Numbers of many cycles at once."""
     by_strand = []
     for strand in reference.strands:
@@ -76,57 +172,74 @@ def numbers_of(reference: Reference, records: tuple[Record, ...]) -> list[list[S
     return [list(cycle) for cycle in zip(*by_strand, strict=True)]
 
 
-def main() -> None:
+def told(rows: Sequence[Mapping[str, Any]]) -> None:
+    """What the rows say."""
+    quiet = [r for r in rows if r["fault"] == QUIET]
+    p = np.array([float(r["p_value"]) for r in quiet])
+    cycles = sum(int(r["cycles"]) for r in quiet)
+    alarms = {alpha: int(np.sum(p <= alpha)) for alpha in (0.2, 0.1, 0.05, 0.01)}
+    print(f"{len(quiet)} springs, {cycles} quiet cycles; springs with an alarm by alpha: {alarms}")
+    for fault in sorted({r["fault"] for r in rows} - {QUIET}):
+        for kind in sorted({r["kind"] for r in rows}):
+            own = [r for r in rows if r["fault"] == fault and r["kind"] == kind]
+            if not own:
+                continue
+            delay = np.array([int(r["alarm"]) - QUIET_BEFORE if r["alarm"] else np.inf for r in own])
+            low, middle, high = np.quantile(delay, [0.1, 0.5, 0.9], method="inverted_cdf")
+            print(
+                f"{fault}, {kind}: {len(own)} springs, alarm after {middle:g} ({low:g} to {high:g}) cycles, "
+                f"{int(np.sum(delay <= 0))} before the fault, {int(np.sum(np.isinf(delay)))} not within {FAULTY}"
+            )
+            names = [r["named"] for r in own]
+            for name in sorted(set(names), key=names.count, reverse=True):
+                print(f"    {names.count(name)}: {name or 'no name'}")
+
+
+def measure_files(springs: int, cycles: int, out: Path) -> None:
+    """Springs watched by files; rows that are made are kept."""
+    spring = generator()
+    if not out.is_file():
+        out.write_text(",".join(COLUMNS) + "\n", encoding="utf-8")
+    with out.open(encoding="utf-8", newline="") as file:
+        rows = list(csv.DictReader(file))
+    done = {int(r["spring"]) for r in rows}
+    for number in range(springs):
+        if number in done:
+            continue
+        new = [{k: str(v) for k, v in row.items()} for row in rows_of(spring, number, cycles)]
+        with out.open("a", encoding="utf-8", newline="") as file:
+            csv.DictWriter(file, COLUMNS, lineterminator="\n").writerows(new)
+        rows += new
+    told(rows)
+
+
+def measure_series(springs: int, cycles: int, fitted: int, seed: int) -> None:
+    """Springs whose cycles are read at once."""
+    spring, rng = generator(), np.random.default_rng(seed)
+    rows: list[dict[str, Any]] = []
+    for number in range(springs):
+        rows += rows_of_series(spring, number, cycles, fitted, rng)
+        print(f"{number + 1} of {springs} springs", file=sys.stderr, flush=True)
+    told(rows)
+
+
+def main(arguments: Sequence[str] | None = None) -> None:
     parser = argparse.ArgumentParser(
         description=__doc__, formatter_class=argparse.RawDescriptionHelpFormatter
     )
-    parser.add_argument("--springs", type=int, default=20)
-    parser.add_argument("--cycles", type=int, default=500)
-    parser.add_argument("--fitted", type=int, default=4)
-    parser.add_argument("--seed", type=int, default=0)
-    o = parser.parse_args()
-    spring, rng = generator(), np.random.default_rng(o.seed)
-    faults = {f.__name__: f for f in (spring.offset_drift, spring.loose_thermocouple)}
-    mechanisms = {"worn": lambda n: {"worn": 0.03 * np.log1p(n)}, "moved": lambda n: {"moved": 0.6}}
-    rig = replace(spring.GRAINS, channels=("displacement",), samples=40)
-    greatest: list[float] = []
-    delays: dict[str, list[int]] = {name: [] for name in (*faults, *mechanisms)}
-    names: dict[str, list[str]] = {name: [] for name in delays}
-    with TemporaryDirectory() as place:
-        for n in range(o.springs):
-            fitted = records_of(spring, rig, [rig.cycle(rng) for _ in range(o.fitted)], Path(place))
-            reference = reference_of(fitted, {r.key: "sinh_arcsinh" for r in fitted}, 0)
-            quiet = [rig.cycle(rng) for _ in range(o.cycles)]
-            later = numbers_of(reference, records_of(spring, rig, quiet, Path(place)))
-            evidence = log_evidence(reference.watched(later))
-            greatest.append(float(evidence.max() - np.log(evidence.shape[1])))
-            for name in delays:
-                read = [rig.cycle(rng) for _ in range(QUIET_BEFORE)]
-                for k in range(1, FAULTY + 1):
-                    read.append(
-                        faults[name](k, rig.cycle(rng))
-                        if name in faults
-                        else rig.cycle(rng, **mechanisms[name](k))
-                    )
-                watched = reference.watched(numbers_of(reference, records_of(spring, rig, read, Path(place))))
-                evidence = log_evidence(watched)
-                over = np.flatnonzero(evidence.max(axis=1) >= np.log(evidence.shape[1] / ALPHA))
-                delays[name].append(int(over[0]) + 1 - QUIET_BEFORE if over.size else 99)
-                change = change_of(watched, onset(watched, int(evidence[-1].argmax()))) if over.size else None
-                causes = [] if change is None else named(change, causes_of(reference.strands))
-                names[name].append("/".join("+".join(c.id for c in x.causes) for x in causes) or "unnamed")
-            alarms = {a: int(np.sum(np.array(greatest) >= np.log(1.0 / a))) for a in (0.2, 0.1, 0.05, 0.01)}
-            cycles = (n + 1) * o.cycles
-            print(
-                f"{n + 1} springs, {cycles} quiet cycles; springs with an alarm by alpha: {alarms}",
-                flush=True,
-            )
-    for name, found in delays.items():
-        low, middle, high = np.quantile(found, [0.1, 0.5, 0.9])
-        early = sum(d <= 0 for d in found)
-        print(f"{name}: cycles until the alarm: {middle:g} ({low:g} to {high:g}); before the fault: {early}")
-        for text in sorted(set(names[name]), key=names[name].count, reverse=True):
-            print(f"    {names[name].count(text)} of {len(found)}: {text}")
+    commands = parser.add_subparsers(dest="command", required=True)
+    files = commands.add_parser("files", help="each cycle a file, by the verb")
+    files.add_argument("--springs", type=int, default=100)
+    files.add_argument("--cycles", type=int, default=100)
+    files.add_argument("--out", type=Path, default=TABLE)
+    series = commands.add_parser("series", help="many cycles at once, without the verb")
+    series.add_argument("--springs", type=int, default=20)
+    series.add_argument("--cycles", type=int, default=500)
+    series.add_argument("--fitted", type=int, default=FITTED)
+    series.add_argument("--seed", type=int, default=0)
+    o = vars(parser.parse_args(arguments))
+    measure = {"files": measure_files, "series": measure_series}[o.pop("command")]
+    measure(**o)
 
 
 if __name__ == "__main__":

@@ -43,8 +43,7 @@ def test_quiet_cycles_and_faults_that_come_as_files() -> None:
     At alpha 0.05 more than 3 of 10 springs give an alarm once in 1000 runs at the rate that is stated, and two or more
     do before their fault at alpha 0.01 once in 230.
     """
-    from measure_watch import QUIET_BEFORE, generator
-    from measure_watch_alarms import QUIET, rows_of
+    from measure_watch import QUIET, QUIET_BEFORE, generator, rows_of
 
     spring = generator()
     rows = [row for number in range(10) for row in rows_of(spring, number, 20)]
