@@ -25,6 +25,8 @@ STAGES: Final = {
     "figures": "drawing figures",
 }
 """Stages in words, in the order of the table; the report itself can't say how long it took."""
+LEAST: Final = 0.01
+"""Time that counts [s]."""
 
 
 def account_table(found: RunAccount, spent: Account) -> Table:
@@ -39,7 +41,7 @@ def account_table(found: RunAccount, spent: Account) -> Table:
     wall = {**found.stages_s, **spent.wall}
     cpu = {**found.stages_cpu_s, **spent.cpu}
     rows = tuple(
-        (words, Number(wall[stage], "s", 0.1 * wall[stage]), Number(cpu[stage], "s", 0.1 * cpu[stage]))
+        (words, _seconds(wall[stage]), _seconds(cpu[stage]))
         for stage, words in STAGES.items()
         if stage in wall and stage in cpu
     )
@@ -51,3 +53,7 @@ def account_table(found: RunAccount, spent: Account) -> Table:
         )
     columns = (Column("stage", "stage"), Column("clock", "wall", "s"), Column("processor", "cpu", "s"))
     return Table("account", "What the run took", note.strip(), columns, rows)
+
+
+def _seconds(value: float) -> Number:
+    return Number(value, "s", max(0.1 * value, LEAST))

@@ -114,6 +114,19 @@ def test_files_hold_what_the_reference_says(done: tuple[Path, dict[str, Any]]) -
     assert "--at &#34;load_N=2.5&#34;" in page
 
 
+def test_shares_of_a_transformation_that_is_over_are_not_in_the_table(
+    done: tuple[Path, dict[str, Any]],
+) -> None:
+    out, found = done
+    shares = [f["median"] for f in found["features"] if f["name"] == "share_left"]
+    assert shares
+    assert max(shares) < 0.01
+    with (out / "tables" / "features.csv").open(encoding="utf-8") as file:
+        told = {row["feature"] for row in csv.DictReader(file)}
+    assert "midpoint" in told
+    assert "share left at the hottest" not in told
+
+
 def test_the_same_call_resumes_and_another_is_refused(
     run: Callable[..., Any], fitted: Path, done: tuple[Path, dict[str, Any]]
 ) -> None:

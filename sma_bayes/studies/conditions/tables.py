@@ -179,7 +179,12 @@ def extremes_table(stored: StoredConditions) -> Table:
 def feature_table(stored: StoredConditions) -> Table:
     """Every feature of every condition."""
     rows, specimen = [], stored.found.specimen
-    for f in stored.found.features:
+    features = stored.found.features
+    shares = [f for f in features if f.name == "share_left"]
+    left = {(f.branch, f.channel) for f in shares if (f.median or 0.0) >= LEFT}
+    for f in features:
+        if f.name == "share_left" and (f.branch, f.channel) not in left:
+            continue
         value = Number(f.median, f.unit) if f.measured or f.median is None else Estimate.where_told(f, f.unit)
         edge = f.at_edge is not None and f.at_edge > EDGE
         rows.append(
@@ -189,7 +194,8 @@ def feature_table(stored: StoredConditions) -> Table:
     return Table(
         "features",
         "Features of each condition",
-        "Median and 90 % interval; conditions.json says what each means. An extreme at an end of the sweep tells how "
+        "Median and 90 % interval; conditions.json says what each means, and has shares left of a "
+        "transformation that is over in all conditions. An extreme at an end of the sweep tells how "
         "far the temperature went.",
         (
             *words("condition", "branch", "feature"),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
@@ -119,8 +120,11 @@ def _slowest(failed: Sequence[RecordSummary]) -> str:
 
 
 def _number(value: float | None) -> str:
-    """Four decimals, or a dash where a constant curve gives none."""
-    return "-" if value is None else f"{value:.4f}"
+    """A correlation with four decimals, or so many that two tell how far from 1 it is; a dash where there is none."""
+    if value is None:
+        return "-"
+    near = 1.0 - value
+    return f"{value:.{max(4, 1 - math.floor(math.log10(near))) if near > 0.0 else 4}f}"
 
 
 def _columns_beside(keys: Sequence[str], width: int) -> list[str]:

@@ -8,7 +8,7 @@ from typing import Any, Final
 
 from rich.table import Column, Table
 
-from sma_bayes.report.notation import interval_text, unit_label
+from sma_bayes.report.notation import compact, interval_text, unit_label
 from sma_bayes.report.screen import Screen, numbers, screen, show_end, titled
 from sma_bayes.studies.gap.schema import (
     AddedEffect,
@@ -19,6 +19,7 @@ from sma_bayes.studies.gap.schema import (
     HeatingFindings,
     HeatParameter,
     JudgedCandidate,
+    StatedDisagreement,
 )
 from sma_bayes.studies.gap.shown import in_declared_units
 from sma_bayes.studies.gap.words import (
@@ -71,7 +72,7 @@ def _show_part(console: Screen, found: GapFindings | HeatingFindings, title: str
         console.tell(
             f"  {d.condition} {d.branch}: {channel_text(found.channels, d.channel)} "
             f"{d.side} the model, {covariate_text(found.channels, d.covariate)} "
-            f"{f'{d.from_:.4g} to {d.to:.4g} {unit_label(d.unit)}'.rstrip()} ({abs(d.size_sigma):.1f} sigma)"
+            f"{_stretch(d)} ({abs(d.size_sigma):.1f} sigma)"
         )
     console.tell(*(_effect_text(e, partial=found.verdict != "named") for e in found.added))
     if found.verdict == "none":
@@ -101,6 +102,12 @@ def _numbers(parameters: Mapping[str, EffectParameter] | Mapping[str, HeatParame
         f"{name} {interval_text(p.median, p.q05, p.q95)} {unit_label(p.unit)}".rstrip()
         for name, p in parameters.items()
     )
+
+
+def _stretch(d: StatedDisagreement) -> str:
+    """Where a stretch begins and ends, or the one place that it is."""
+    ends = dict.fromkeys(compact(end) for end in (d.from_, d.to))
+    return f"{' to '.join(ends)} {unit_label(d.unit)}".rstrip()
 
 
 def _candidate_rows(candidates: Sequence[JudgedCandidate]) -> Table:

@@ -22,7 +22,7 @@ from sma_bayes.progress import Progress, silent
 from sma_bayes.quantities import unit_text
 from sma_bayes.records.dmta import DeclaredDamping, DmtaCampaign, DmtaOptions, DmtaSweep, read_dmta
 from sma_bayes.report.choice import REPORT, figures_for
-from sma_bayes.report.notation import compact
+from sma_bayes.report.notation import compact, write_interval
 from sma_bayes.response import AUTO_MODEL, LOSS_LADDER, STORAGE_LADDER, ResponseModel
 from sma_bayes.runs.declared_units import ShownUnit, declared_parts
 from sma_bayes.runs.documents import MODULUS
@@ -307,9 +307,8 @@ def _shift(branch: str, name: str, points: Sequence[ShiftPoint], degrees: ShownU
         )
     else:
         low, middle, high = (e / 1e3 for e in found.energy)
-        told = (
-            f"{title}: shift of {shift}; apparent activation energy {compact(middle)} kJ/mol "
-            f"({compact(low)} to {compact(high)})"
+        told = "{}: shift of {}; apparent activation energy {} kJ/mol ({} to {})".format(
+            title, shift, *write_interval(middle, low, high).plain
         )
         if middle < 0.0:
             told += ": the temperature falls with frequency, as no thermally activated process does"

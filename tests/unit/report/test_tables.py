@@ -7,9 +7,12 @@ import json
 import re
 from dataclasses import replace
 from pathlib import Path
+from types import SimpleNamespace
+from typing import cast
 
 import pytest
 
+from sma_bayes.account import Account
 from sma_bayes.report.content import Content, Estimate, Number
 from sma_bayes.report.tables import (
     OF_ROW,
@@ -25,7 +28,8 @@ from sma_bayes.report.tables import (
     tex,
     write_tables,
 )
-from sma_bayes.runs.schema import FindingDocument
+from sma_bayes.report.took import account_table
+from sma_bayes.runs.schema import FindingDocument, RunAccount, Workers
 
 TABLES = (
     "parameters", "goodness_of_fit", "correlation", "loops", "transformation", "diagnostics", "noise", "checks",
@@ -192,6 +196,15 @@ def test_numbers_of_another_unit_or_without_an_interval_keep_the_notation_of_all
     columns = (Column("unit", "unit"), Column("RMSE", "rmse", OF_ROW))
     table = Table("t", "T", "", columns, (("1", Estimate(7.5e-5, 7e-5, 8e-5, "1")), ("?", other)))
     assert powers(table) == (None, None)
+
+
+def test_a_time_is_told_to_hundredths_of_a_second() -> None:
+    found = SimpleNamespace(
+        stages_s={"read": 9.52e-6, "sample": 61.3}, stages_cpu_s={"read": 9.4e-6, "sample": 60.2},
+        workers=Workers(where="this process", lost=()),
+    )  # fmt: skip
+    rows = account_table(cast(RunAccount, found), Account()).rows
+    assert [[cell_text(c) for c in row[1:]] for row in rows] == [["0.000", "0.000"], ["61.3", "60.2"]]
 
 
 def test_a_share_is_not_told_more_finely_than_it_is_known() -> None:

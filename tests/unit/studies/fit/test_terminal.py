@@ -120,7 +120,9 @@ def test_a_narrow_screen_cuts_no_word_off(
     told: dict[str, Any] = {
         "noise": NoiseSummary(name="independent+temperature_error"),
         "parameters": {"displacement_sd": parameter, "temperature_sd": parameter},
-        "correlation": {"displacement": {"r": Factor(q05=0.9998, median=0.9999, q95=0.9999, undefined=0.0)}},
+        "correlation": {
+            "displacement": {"r": Factor(q05=0.9998, median=0.999963, q95=0.9999, undefined=0.0)}
+        },
     }
     summary = FitSummary(
         schema="sma-bayes/fit/1", campaign="wire", seed=0,
@@ -133,7 +135,7 @@ def test_a_narrow_screen_cuts_no_word_off(
     assert "…" not in shown
     rows = [line for line in shown.splitlines() if "100MPa-" in line][:2]
     assert [("yes" in line, "NO" in line) for line in rows] == [(True, False), (True, True)]
-    assert ("strain 0.9999" in shown) is (width == 160)
+    assert ("strain 0.999963 " in shown) is (width == 160)
     assert "displacement_sd" not in shown, "of the noise the prior may tell as much as it likes"
     assert all(
         len(line) <= width for line in shown.splitlines() if not line.startswith(("The curve", "The scatter"))

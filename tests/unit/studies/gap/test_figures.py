@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
+import pytest
 from matplotlib.figure import Figure
 
 from sma_bayes.studies.gap.figures import disagreement
 from sma_bayes.studies.gap.outputs import Samples
 from sma_bayes.studies.gap.schema import StatedDisagreement
+from sma_bayes.studies.gap.terminal import _stretch
 
 
 def test_numbers_of_stretches_in_one_place_do_not_touch() -> None:
@@ -29,3 +31,19 @@ def test_numbers_of_stretches_in_one_place_do_not_touch() -> None:
     boxes = [text.get_bbox_patch().get_window_extent() for text in ax.texts]
     assert len(boxes) == 4
     assert not any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])
+
+
+@pytest.mark.parametrize(
+    ("ends", "unit", "told"),
+    [
+        ((1685.0, 18740.0), "s", "1685 to 18740 s"),
+        ((1.0, 1.0), "1", "1"),
+        ((85.09, 140.6), "degC", "85.1 to 141 °C"),
+    ],
+)
+def test_a_stretch_is_told_without_powers_of_ten(ends: tuple[float, float], unit: str, told: str) -> None:
+    stated = {
+        "condition": "c", "branch": "heating", "channel": "force", "covariate": "cycle", "from": ends[0],
+        "to": ends[1], "unit": unit, "size_sigma": 5.0, "mean_residual": 0.1,
+    }  # fmt: skip
+    assert _stretch(StatedDisagreement.model_validate(stated)) == told
