@@ -44,8 +44,12 @@ def tex_text(text: str) -> str:
     --------
     >>> tex_text("5 % of B_1 [°C]")
     '5 \\% of B\\_1 [\\textdegree{}C]'
+    >>> tex_text("--noise auto")  # two hyphens would become a dash
+    '-{}-noise auto'
     """
-    return text if isinstance(text, Tex) else "".join(_tex_character(c) for c in text)
+    if isinstance(text, Tex):
+        return text
+    return "-{}-".join("".join(_tex_character(c) for c in part) for part in text.split("--"))
 
 
 def tex_symbol(name: str) -> Tex:

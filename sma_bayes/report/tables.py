@@ -28,6 +28,7 @@ from sma_bayes.report.notation import (
     power_text,
     squared,
     unit_label,
+    with_minus,
     write,
     write_interval,
 )
@@ -44,8 +45,10 @@ NEAREST: Final = (
 )
 """Norm and range of the nearest published parameters."""
 
-WIDE: Final = {"finding": "0.38", "why": "0.5", "prior": "0.17", "meaning": "0.2", "remedy": "0.3"}
+WIDE: Final = {"finding": 0.38, "why": 0.5, "prior": 0.17, "meaning": 0.2, "remedy": 0.3}
 """Columns whose words may be broken in LaTeX, with their share of the line."""
+WIDEST: Final = 0.52
+"""What several of them have together at most."""
 
 STATISTICS: Final = {
     "greatest": "largest residual",
@@ -759,7 +762,7 @@ def tex(table: Table) -> str:
         table.name,
         f"{table.title}. {table.note}",
         [_tex_head(table.columns[i], common[i] or 0) for i in places],
-        [_alignment(table, i) for i in places],
+        [_alignment(table, i, places) for i in places],
         _tex_rows(table, places),
     )
 
@@ -775,9 +778,11 @@ def _tex_head(column: Column, power: int) -> Tex:
     return Tex(f"{name} [{unit}]")
 
 
-def _alignment(table: Table, place: int) -> str:
+def _alignment(table: Table, place: int, places: Sequence[int]) -> str:
     if table.columns[place].key in WIDE:
-        return wrapped(WIDE[table.columns[place].key])
+        shares = [WIDE[table.columns[i].key] for i in places if table.columns[i].key in WIDE]
+        room = min(1.0, WIDEST / sum(shares)) if len(shares) > 1 else 1.0
+        return wrapped(f"{room * WIDE[table.columns[place].key]:.3g}")
     numeric = table.columns[place].unit != ""
     return "r" if numeric else "l"
 
@@ -795,7 +800,7 @@ def _tex_rows(table: Table, places: Sequence[int]) -> Iterator[str]:
 
 
 def _tex_cell(column: Column, cell: Cell, power: int | None) -> str:
-    text = cell_text(cell, power)
+    text = with_minus(cell_text(cell, power))
     return tex_symbol(text) if column.key in SYMBOLS else text
 
 

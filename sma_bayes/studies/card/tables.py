@@ -29,7 +29,7 @@ def _constants(card: ConstitutiveCard) -> Table:
         (Column("constant", "constant"), lambda c: c.name),
         (
             Column("in the card", "value", OF_ROW),
-            lambda c: Number(c.value, c.unit, 1e-3 * abs(c.value) or 1.0),
+            lambda c: Number(c.value, c.unit, 1e-3 * abs(c.value) or 10.0),
         ),
         (Column("posterior", "posterior", OF_ROW), lambda c: Estimate.of(c, c.unit)),
         (Column("unit", "unit"), lambda c: unit_label(c.unit) or "1"),

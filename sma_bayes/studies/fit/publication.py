@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterator, Sequence
 from typing import Final
 
@@ -11,6 +12,8 @@ from sma_bayes.report.notation import NORMAL_90, write
 
 ACROSS: Final = 5
 """Parameters that a table has side by side, so that it fits the width of a page."""
+SMALL, FINE = 0.1, 1e-4
+"""Numbers that small, of which one has a standard deviation that small, are written with a power of ten in the head."""
 
 
 def publication_tex(content: Content) -> str:
@@ -50,9 +53,13 @@ def _table(part: Content, called: str, names: Sequence[str], number: int) -> str
 
 
 def _power(parameters: Sequence[ParameterResult]) -> int:
-    """Power of ten that all numbers of a column share."""
-    sizes = [abs(p.estimate.median) for p in parameters if p.estimate.median is not None]
-    return write([max(sizes)]).exponent if sizes else 0
+    """Power of ten that all numbers of a column share; of small ones one of a thousand, as zeros take the room."""
+    told = [p.estimate for p in parameters if p.estimate.median is not None]
+    largest = max((abs(e.median) for e in told if e.median is not None), default=0.0)
+    widths = [e.q95 - e.q05 for e in told if e.q05 is not None and e.q95 is not None]
+    if 0.0 < largest < SMALL and 0.0 < min(widths, default=0.0) < FINE * NORMAL_90:
+        return 3 * math.floor(math.log10(largest) / 3.0)
+    return write([largest]).exponent
 
 
 def _head(name: str, unit: str, power: int) -> Tex:

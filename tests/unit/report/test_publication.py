@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 
 from sma_bayes.latex import tex_symbol, tex_unit
-from sma_bayes.report.content import Content, RecordContent
+from sma_bayes.report.content import Content, ParameterResult, RecordContent
 from sma_bayes.studies.fit.publication import publication_tex
 from sma_bayes.studies.report.build import build_report
 
@@ -57,6 +57,25 @@ def test_heads_have_symbols_and_units_and_records_that_failed_are_left_out(conte
     assert "cooling" not in publication_tex(only)
     nothing = replace(content, records=tuple(replace(r, converged=False) for r in content.records))
     assert publication_tex(nothing).startswith("% no record")
+
+
+def test_zeros_of_small_numbers_go_into_the_head(content: Content) -> None:
+    """A strain of 0.0384849 with an interval of 0.0000160 made a table wider than its page."""
+
+    def smaller(r: RecordContent) -> RecordContent:
+        return replace(r, parameters=tuple(small(p) if p.name == "A1" else p for p in r.parameters))
+
+    def small(p: ParameterResult) -> ParameterResult:
+        told = {k: 1e-3 * getattr(p, k) for k in ("median", "q05", "q95")}
+        return p.model_copy(update=told)
+
+    changed = tuple(smaller(r) for r in content.records)
+    text = publication_tex(replace(content, records=changed))
+    assert text.count(r"$10^{-6}$ \unit{\centi\metre}") == 2
+    (first,) = (p.median for p in changed[0].parameters if p.name == "A1")
+    assert first is not None
+    cells = (line for line in text.splitlines() if line.startswith(f"{changed[0].condition} & "))
+    assert _numbers(next(cells))[0][0] == pytest.approx(1e6 * first, rel=0.01)
 
 
 def test_a_model_of_many_parameters_is_parted_and_what_is_not_identified_marked(content: Content) -> None:

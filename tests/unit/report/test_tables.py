@@ -207,6 +207,16 @@ def test_a_time_is_told_to_hundredths_of_a_second() -> None:
     assert [[cell_text(c) for c in row[1:]] for row in rows] == [["0.000", "0.000"], ["61.3", "60.2"]]
 
 
+def test_wide_columns_leave_room_for_the_others_in_print() -> None:
+    columns = (Column("meaning", "meaning"), Column("why not", "why"))
+    table = Table("t", "T", "", columns, (("modulus", "the slope is -114 microstrain"),))
+    text = tex(table)
+    assert sum(map(float, re.findall(r"p\{([0-9.]+)\\linewidth\}", text))) <= 0.53
+    assert "-114" not in text, "a minus sign, not a hyphen"
+    alone = tex(Table("t", "T", "", columns[1:], (("x",),)))
+    assert r"p{0.5\linewidth}" in alone
+
+
 def test_a_share_is_not_told_more_finely_than_it_is_known() -> None:
     shares = [cell_text(Number(p, "1", 0.05, 0.002)) for p in (0.0, 0.0019, 0.002, 0.5, 0.998, 1.0)]
     assert shares == ["< 0.002", "< 0.002", "0.002", "0.500", "0.998", "> 0.998"]
