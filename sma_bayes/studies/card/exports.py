@@ -15,7 +15,7 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Final
 
 import numpy as np
@@ -46,7 +46,7 @@ _NUMERICAL: Final = {
 """Poisson's ratios, no asymmetry of tension and compression, and the penalties of the examples of simcoon."""
 
 
-def simcoon_material(card: PooledConstants, common: float) -> dict[str, Any]:
+def simcoon_material(card: PooledConstants, common: float, cautions: Sequence[str] = ()) -> dict[str, Any]:
     """Material of `simcoon`: name, constants, states and orientation; how to call it is told too.
 
     Parameters
@@ -54,6 +54,8 @@ def simcoon_material(card: PooledConstants, common: float) -> dict[str, Any]:
     card : PooledConstants
     common : float
         Temperature to which the strain refers [K].
+    cautions : sequence of str
+        What to doubt of it, kept in the file.
     """
     values = _beside_expansions(card, common)
     values |= _NUMERICAL | {"sigma_calibration": card.reference}
@@ -66,6 +68,7 @@ def simcoon_material(card: PooledConstants, common: float) -> dict[str, Any]:
         "units": "MPa, K, 1/K, 1/MPa, MPa/K",
         "T_init": common,
         "tangent_mode": "closest_point",
+        **({"cautions": list(cautions)} if cautions else {}),
     }
 
 

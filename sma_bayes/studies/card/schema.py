@@ -70,6 +70,11 @@ class ConstitutiveCard(DocumentPart):
     sweeps: Items[CardSweep] = Field(description="one for each record that was used")
     left_out: dict[str, str] = Field(description="records that were not, and why")
     draws: int = Field(description="rows of `constitutive-draws.csv`")
+    crossed: NumberOrNull = Field(
+        default=None,
+        description="share of a phase below which heating and cooling cross without stress; above 0.001 simcoon does "
+        "not give the card back [1]",
+    )
     simcoon: str = Field(description="file for simcoon")
     sma_react: str = Field(description="file for SMA-REACT")
 

@@ -8,7 +8,7 @@ import pytest
 from sma_bayes.studies.card.exports import simcoon_material
 from sma_bayes.studies.card.law import Moduli, shift
 from sma_bayes.studies.card.pooling import Constant, PooledConstants
-from sma_bayes.studies.card.workflow import crossing_caution, expansion_caution
+from sma_bayes.studies.card.workflow import crossing_caution, crossing_of, expansion_caution
 
 CONSTANTS = {
     "E_A": 60e3, "E_M": 40e3, "alpha_A": -1e-5, "alpha_M": -5e-5, "H_min": 0.005, "H_max": 0.04, "k": 0.01,
@@ -67,6 +67,15 @@ def test_slopes_that_differ_are_told_with_what_helps() -> None:
 def test_branches_that_cross_in_their_tails_are_told() -> None:
     """Constants of a NiTiHf wire: 13 K of overlap with a thousandth of martensite left, none with a fiftieth."""
     wide = {"Ms": 429.3, "Mf": 387.1, "As": 418.4, "Af": 446.3, "n1": 0.11, "n2": 0.05, "n3": 0.05, "n4": 0.1}
-    (text,) = crossing_caution(wide)
+    shared = crossing_of(wide)
+    assert 0.01 < shared < 0.02
+    (text,) = crossing_caution(shared)
+    assert text.startswith("simcoon does not give this card back")
     assert "cross where 1." in text
-    assert crossing_caution(CONSTANTS) == ()
+    assert "constitutive-curves.csv" in text
+    card = PooledConstants(
+        {n: Constant(v, np.full(2, v)) for n, v in {**CONSTANTS, **wide}.items()}, REFERENCE
+    )
+    assert simcoon_material(card, COMMON, (text,))["cautions"] == [text]
+    assert crossing_caution(crossing_of(CONSTANTS)) == ()
+    assert "cautions" not in simcoon_material(card, COMMON)
