@@ -99,6 +99,26 @@ def test_people_get_a_table_and_a_sentence_in_their_units(run: Callable[..., Any
     assert run("plan", folder, "--for", "parameters", "--quiet").out == ""
 
 
+def test_hours_in_which_no_whole_loop_ends_are_not_compared_with_one(
+    run: Callable[..., Any], folder: Path
+) -> None:
+    call = ("plan", folder, "--for", "stiffness@50degC", "--jobs", "1", "--json")
+    single = [c["hours"] for c in json.loads(run(*call).out)["candidates"] if c["cycles"] == 1]
+    for hours, whole in ((0.5 * (min(single) + max(single)), False), (2.5 * max(single), True)):
+        found = json.loads(run(*call, "--hours", str(hours)).out)
+        assert (found["design"]["even_cycles"] >= 1.0) is whole
+        assert ("whole loops, divided evenly" in found["advice"]) is whole
+        assert ("no time for a whole loop" in found["advice"]) is not whole
+
+
+def test_hours_that_are_too_few_are_told_without_an_empty_table(
+    run: Callable[..., Any], folder: Path
+) -> None:
+    outcome = run("plan", folder, "--for", "stiffness@50degC", "--hours", "1e-6", "--jobs", "1")
+    assert "No candidate fits into" in outcome.out
+    assert "nats/h" not in outcome.out
+
+
 def test_declared_candidates_are_judged_and_marked(
     run: Callable[..., Any], folder: Path, tmp_path: Path
 ) -> None:
@@ -207,3 +227,8 @@ def test_a_gap_study_without_its_campaign_says_what_to_do(
     outcome = run("plan", other, "--for", "tell-apart")
     assert outcome.status == 2
     assert "put the campaign back" in outcome.err
+    assert "run it where gap was run" not in outcome.err
+    path.write_text(json.dumps(sealed({**document, "source": "bench/spring"})), encoding="utf-8")
+    outcome = run("plan", other, "--for", "tell-apart")
+    assert outcome.status == 2
+    assert "run it where gap was run, as bench/spring is a path from there" in outcome.err

@@ -88,7 +88,9 @@ def read_gap(folder: Path, data: Path | None = None) -> tuple[GapDocument, Campa
             f"was made from {found.source or 'a campaign in memory'}, which can't be read: {error.found}",
             file=folder,
             expected="the campaign where it was",
-            remedy=remedy,
+            remedy=f"run it where gap was run, as {found.source} is a path from there; or {remedy}"
+            if found.source and not Path(found.source).is_absolute()
+            else remedy,
         ) from None
     if campaign.sha256 != found.data_sha256:
         raise OutputError(

@@ -132,6 +132,11 @@ class PlannedDesign(DesignOutcome):
     even: DesignOutcome = Field(
         description="the same hours divided evenly among the conditions that are asked about, in whole loops"
     )
+    even_cycles: NumberOrNull = Field(
+        default=None,
+        description="loops of the condition of which there are fewest in `even`; below 1 there is no time for a whole "
+        "one of each, and `even` counts a part of a loop, which can't be made [1]",
+    )
 
 
 class ScatterOfSweeps(DocumentPart):

@@ -14,7 +14,7 @@ from sma_bayes.studies.plan.schema import (
     PlannedCandidate,
     StoredPlan,
 )
-from sma_bayes.studies.plan.words import HALF_WIDTH, pair_name, quantity_name, rate_text
+from sma_bayes.studies.plan.words import HALF_WIDTH, has_even, pair_name, quantity_name, rate_text
 
 SETTINGS = (
     Column("condition", "condition"), Column("lowest", "lowest"), Column("peak", "peak"), Column("rate", "rate"),
@@ -94,7 +94,7 @@ def _quantities(found: PlanDocument) -> Table:
             quantity_name(k, found), unit_label(k.shown_unit) or "1", Estimate.of(k, k.shown_unit, f), _half(k.sd * f),
             _left(() if best is None else best.expected, k.key, k.name, f),
             _left(() if design is None else design.expected, k.key, k.name, f),
-            _left(() if design is None else design.even.expected, k.key, k.name, f),
+            _left(() if design is None or not has_even(design) else design.even.expected, k.key, k.name, f),
         ))  # fmt: skip
     return Table(
         "quantities",

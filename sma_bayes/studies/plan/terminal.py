@@ -40,7 +40,8 @@ def show_plan(told: Mapping[str, Any], out: Path | None) -> None:
     for p in found.rivals:
         state = "told apart already" if p.told_apart else "not told apart"
         console.tell(f"{pair_name(p)}: {state}, ln Bayes factor {p.ln_bayes_factor:.1f}")
-    console.print(_table(found))
+    if any(c.fits for c in found.candidates):
+        console.print(_table(found))
     console.tell(*(f"remark: {remark}" for remark in (*found.declared_differently, *found.remarks)))
     if not found.converged:
         console.tell(f"{NOT_CONVERGED}.")

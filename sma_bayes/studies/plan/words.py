@@ -14,6 +14,7 @@ from sma_bayes.studies.plan.schema import (
     KnownQuantity,
     PlanFindings,
     PlannedCandidate,
+    PlannedDesign,
     RivalPair,
 )
 from sma_bayes.studies.plan.shown import load_unit
@@ -119,6 +120,11 @@ def _share(shrinkage: float) -> str:
     return f"{100.0 * (1.0 - max(1.0 - shrinkage, 0.0) ** 0.5):.0f} %"
 
 
+def has_even(design: PlannedDesign) -> bool:
+    """Whether the hours suffice for a whole loop of each condition, with which a design can be compared."""
+    return design.even_cycles is None or design.even_cycles >= 1.0
+
+
 def advice(found: PlanFindings) -> str:
     """What to measure, in a sentence."""
     if found.kind == "tell-apart":
@@ -133,6 +139,8 @@ def advice(found: PlanFindings) -> str:
         parts = "; then ".join(step_text(s, found) for s in design.steps[:FEW])
         more = f"; and {len(design.steps) - FEW} more" if len(design.steps) > FEW else ""
         told = f"Measure {parts}{more}: {narrowed(design.expected, found)} in {hours_text(design.hours)}"
+        if not has_even(design):
+            return f"{told}; there is no time for a whole loop of each condition that is asked about."
         even, planned = f"{design.even.nats:.2g}", f"{design.nats:.2g}"
         brings = "as much" if even == planned else f"{even} instead of {planned} nats"
         return f"{told}; whole loops, divided evenly, would bring {brings}."

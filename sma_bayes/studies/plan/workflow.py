@@ -433,6 +433,7 @@ def _design(
             nats=nats_of(gains_of_even),
             expected=_expected(expectations.targets, gains_of_even),
         ),
+        even_cycles=min((n for _, n in even), default=0.0),
     )
 
 

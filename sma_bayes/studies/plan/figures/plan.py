@@ -26,7 +26,7 @@ from sma_bayes.report.figures.sheet import (
     take_power,
 )
 from sma_bayes.studies.plan.schema import ExpectedQuantity, PlanDocument, PlannedCandidate, StoredPlan
-from sma_bayes.studies.plan.words import hours_text, quantity_name, range_text
+from sma_bayes.studies.plan.words import has_even, hours_text, quantity_name, range_text
 
 COLOURS: Final = 8
 """Conditions that have colours of their own."""
@@ -152,5 +152,6 @@ def outcomes(found: PlanDocument) -> list[tuple[str, tuple[ExpectedQuantity, ...
     out = [] if best is None else [(f"best candidate, {hours_text(best.hours)}", best.expected)]
     if found.design is not None:
         out.append((f"design, {hours_text(found.design.hours)}", found.design.expected))
-        out.append((f"evenly divided, {hours_text(found.design.even.hours)}", found.design.even.expected))
+        if has_even(found.design):
+            out.append((f"evenly divided, {hours_text(found.design.even.hours)}", found.design.even.expected))
     return out
