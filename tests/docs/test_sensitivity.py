@@ -49,4 +49,4 @@ def test_its_commands_run_and_leave_what_they_promise(bench: Path, command: Call
 
 def test_its_python_runs(bench: Path, python: Callable[[Path, str], str]) -> None:
     (script,) = blocks("python")
-    assert "The prior moves" in python(bench, script).splitlines()[0]
+    assert "The prior decides none of" in python(bench, script).splitlines()[0]
