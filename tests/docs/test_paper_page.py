@@ -52,6 +52,14 @@ def _parts(value: object) -> Iterator[DocumentPart]:
         yield from _parts(one)
 
 
+def test_units_and_negative_numbers_are_written_for_people(found: ReproductionDocument) -> None:
+    text = page(found)
+    assert "8.000 × 10⁻⁷ Ω · m" in text
+    assert "8.327 × 10⁻⁸ m³" in text
+    assert "centre is at −3.3 °C" in text
+    assert "degC" not in text
+
+
 def test_every_picture_is_there_and_small() -> None:
     text = (DOCS / PAGE).read_text(encoding="utf-8")
     shown = set(re.findall(rf"\({PICTURES}/(.+?\.png)\)", text))

@@ -22,6 +22,7 @@ from sma_bayes.noise import NoiseModel
 from sma_bayes.parameters.distributions import Normal
 from sma_bayes.parameters.priors_file import PriorEntry, PriorSet
 from sma_bayes.parameters.space import ParameterSpace
+from sma_bayes.quantities import unit_text
 from sma_bayes.records.types import Branch, Condition, Record
 from sma_bayes.response import DEFAULT_MODEL, RESPONSE_MODELS
 from sma_bayes.response.base import ResponseModel, Variant
@@ -136,7 +137,9 @@ def unavailable(contender: Contender, record: Record) -> str:
     """Why a contender can't take part; empty where it can."""
     unit = record.units["temperature"]
     if contender.name in PLUGGED_IN and unit != "degC":
-        return f"its transformation temperatures are printed in degC, the record has {unit!r}"
+        return (
+            f"its transformation temperatures are printed in °C, those of the record are in {unit_text(unit)}"
+        )
     return RESPONSE_MODELS[contender.model].refusal(record.channels)
 
 

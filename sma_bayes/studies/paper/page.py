@@ -12,7 +12,7 @@ from jinja2 import Environment, PackageLoader, StrictUndefined
 
 from sma_bayes.paper.tables import CellStatus
 from sma_bayes.records.types import setting_unit
-from sma_bayes.report.notation import MISSING, interval_text, unit_label, write
+from sma_bayes.report.notation import MISSING, interval_text, unit_label, with_minus, write
 from sma_bayes.runs.schema import IntervalDocument
 from sma_bayes.studies.compare.schema import StatedDifference
 from sma_bayes.studies.compare.tables import short
@@ -68,7 +68,7 @@ def page(found: ReproductionDocument) -> str:
         "errata": errata_links,
         "figure": partial(_figure, found.figures),
     }
-    return environment.get_template(TEMPLATE).render(
+    text = environment.get_template(TEMPLATE).render(
         found=found,
         claim_table=_claim_table(found.claims),
         correlation_table=_correlation_table(found.comparison.models),
@@ -84,6 +84,7 @@ def page(found: ReproductionDocument) -> str:
         **_statistics(found),
         **_extremes(found),
     )
+    return with_minus(text)
 
 
 # --- cells --------------------------------------------------------------------------------------------
@@ -134,7 +135,8 @@ def _figure(figures: Sequence[PageFigure], stem: str) -> str:
 
 def _unit(unit: str) -> str:
     """Unit for people; a difference of temperatures is told as a temperature."""
-    return unit_label(unit.replace("delta_degC", "degC"))
+    told = unit.replace("delta_degC", "degC").replace("ohm*m", "Ω m").replace("**", "^")
+    return unit_label(re.sub(r"\^3\b", "³", told))
 
 
 def _interval(found: IntervalDocument) -> str:
