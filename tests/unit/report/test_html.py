@@ -225,6 +225,15 @@ def test_checks_that_fail_are_shown_with_the_number_that_chance_gives(content: C
     assert "&lt; 0.002" in reader.section("checks", "records")
 
 
+def test_probabilities_of_shapes_have_three_decimals(content: Content) -> None:
+    shapes = {"hump": 0.95, "unbounded": 0.041}
+    reader = page_of(replace(content, records=tuple(told(r, shape=shapes) for r in content.records)))
+    assert "with probability 0.950" in reader.text
+    assert "with probability 0.041" in reader.text
+    sure = page_of(replace(content, records=tuple(told(r, shape={"hump": 1.0}) for r in content.records)))
+    assert "with probability > 0.999" in sure.text
+
+
 def test_a_campaign_without_twin_has_no_printed_values(content: Content) -> None:
     assert "Printed values of the paper" in page_of(content).text
     assert "Printed values of the paper" not in page_of(replace(content, printed=())).text
