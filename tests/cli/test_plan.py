@@ -12,7 +12,11 @@ import pytest
 
 import sma_bayes
 from sma_bayes import fit_campaign, study_gap
-from sma_bayes.runs.documents import sealed
+from sma_bayes.runs.documents import PLAN, sealed
+from sma_bayes.runs.finished_run import FinishedRun
+from sma_bayes.studies.plan.schema import PlanDocument
+from sma_bayes.studies.plan.tables import plan_tables
+from sma_bayes.studies.plan.terminal import show_plan
 
 HEADER = "time_s,temperature_C,displacement_mm,cycle"
 
@@ -211,6 +215,21 @@ def test_explanations_are_told_apart(
     assert all(few < many for few, many in grown)
     assert (out / "report.html").is_file()
     assert document["advice"] in run("plan", gap, "--for", "tell-apart").out
+
+
+def test_another_load_stands_in_the_row_of_its_candidate(
+    run: Callable[..., Any], gap: Path, capfd: pytest.CaptureFixture[str]
+) -> None:
+    document = json.loads(run("plan", gap, "--for", "tell-apart", "--jobs", "1", "--json").out)
+    show_plan(document, None)
+    assert "load" not in capfd.readouterr().out.partition("remark:")[0]
+    document["candidates"][0] |= {"load": 4.25, "other_load": True}
+    show_plan(document, None)
+    assert "4.25 N" in capfd.readouterr().out.partition("remark:")[0]
+    table = plan_tables(FinishedRun(gap, PLAN, PlanDocument.model_validate(document)))["candidates"]
+    place = [c.key for c in table.columns].index("load")
+    assert "4.25 N" in str(table.rows[0][place])
+    assert str(table.rows[1][place]) == ""
 
 
 def test_a_gap_study_without_its_campaign_says_what_to_do(

@@ -14,7 +14,7 @@ from sma_bayes.studies.plan.schema import (
     PlannedCandidate,
     StoredPlan,
 )
-from sma_bayes.studies.plan.words import HALF_WIDTH, has_even, pair_name, quantity_name, rate_text
+from sma_bayes.studies.plan.words import HALF_WIDTH, has_even, other_load, pair_name, quantity_name, rate_text
 
 SETTINGS = (
     Column("condition", "condition"), Column("lowest", "lowest"), Column("peak", "peak"), Column("rate", "rate"),
@@ -39,6 +39,7 @@ def _settings(step: PlannedCandidate | DesignStep, unit: str) -> tuple[Cell, ...
 def _candidates(found: PlanDocument) -> Table:
     unit, apart = found.temperature_unit, found.kind == "tell-apart"
     several = any(c.name for c in found.candidates)
+    loads = [other_load(c, found) for c in found.candidates]
     columns: list[Column] = [
         Column("rank", "rank"),
         *([Column("name", "name")] if several else []),
@@ -51,9 +52,11 @@ def _candidates(found: PlanDocument) -> Table:
             Column("information", "nats", "nats"), Column("per hour", "nats_per_hour", "nats/h"),
             Column("best shrinkage", "shrinkage", "1"),
         ]  # fmt: skip
+    if any(loads):
+        columns.append(Column("load", "load"))
     columns += [Column("branches", "branches"), Column("beyond the measured", "beyond", brief=False)]
     rows = []
-    for c in found.candidates:
+    for c, load in zip(found.candidates, loads, strict=True):
         told: tuple[Cell, ...]
         if apart:
             told = tuple(Number(p.probability, "1", 0.01) for p in c.pairs)
@@ -65,9 +68,9 @@ def _candidates(found: PlanDocument) -> Table:
                 Number(best, "1", 0.01),
             )
         name: tuple[Cell, ...] = (c.name,) if several else ()
-        rows.append(
-            (c.rank, *name, *_settings(c, unit), *told, " and ".join(c.branches), ", ".join(c.beyond))
-        )
+        other: tuple[Cell, ...] = (load,) if any(loads) else ()
+        where = " and ".join(c.branches), ", ".join(c.beyond)
+        rows.append((c.rank, *name, *_settings(c, unit), *told, *other, *where))
     note = "The best first, by what they tell per hour on the rig. " + (
         "For each pair of explanations, the probability that the candidate tells them apart."
         if apart

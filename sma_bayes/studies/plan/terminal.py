@@ -17,6 +17,7 @@ from sma_bayes.studies.plan.words import (
     HALF_WIDTH,
     half_width,
     known_of,
+    other_load,
     pair_name,
     quantity_name,
     rate_unit,
@@ -52,13 +53,14 @@ def show_plan(told: Mapping[str, Any], out: Path | None) -> None:
 def _table(found: PlanFindings) -> Table:
     gained = ["nats", "nats/h", "leaves" if found.kind == "quantity" else "shrinks variances by"]
     told = map(pair_name, found.rivals) if found.kind == "tell-apart" else gained
+    shown = [c for c in found.candidates if c.fits][:SHOWN]
+    loads = [other_load(c, found) for c in shown]
     table = titled(
         f"best of {len(found.candidates)} candidates, by what they tell per hour",
-        *("condition", "temperature", "rate"),
+        *("condition", *(["load"] if any(loads) else []), "temperature", "rate"),
         *map(numbers, ("cycles", "samples", "time", *told)),
         "beyond",
     )
-    shown = [c for c in found.candidates if c.fits][:SHOWN]
     degrees = unit_text(found.temperature_unit)
     lowest, peak = _alike([c.lowest for c in shown]), _alike([c.peak for c in shown])
     per_minute = rate_unit(found.temperature_unit)
@@ -68,7 +70,8 @@ def _table(found: PlanFindings) -> Table:
     gains = _alike([c.nats_per_hour for c in shown])
     for i, c in enumerate(shown):
         table.add_row(
-            c.condition, f"{lowest[i]} to {peak[i]} {degrees}", f"{rates[i]} {per_minute}", str(c.cycles),
+            c.condition, *([loads[i]] if any(loads) else []),
+            f"{lowest[i]} to {peak[i]} {degrees}", f"{rates[i]} {per_minute}", str(c.cycles),
             str(c.samples), f"{times[i]} {'min' if minutes else 'h'}", *_told(c, found, gains[i]), ", ".join(c.beyond),
         )  # fmt: skip
     return table

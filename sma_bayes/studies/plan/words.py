@@ -80,11 +80,13 @@ def step_text(step: PlannedCandidate | DesignStep, found: PlanFindings) -> str:
 
 
 def _load(step: PlannedCandidate | DesignStep, found: PlanFindings) -> str:
-    """The load, where it is another than that of the condition."""
-    beyond = isinstance(step, PlannedCandidate) and step.other_load and step.load is not None
-    if not (beyond and isinstance(step, PlannedCandidate)):
-        return ""
-    return f" under a load of {step.load:.4g} {unit_text(load_unit(found))}"
+    load = other_load(step, found) if isinstance(step, PlannedCandidate) else ""
+    return f" under a load of {load}" if load else ""
+
+
+def other_load(c: PlannedCandidate, found: PlanFindings) -> str:
+    """The load, where it is another than that of the condition; else nothing."""
+    return f"{c.load:.4g} {unit_text(load_unit(found))}" if c.other_load and c.load is not None else ""
 
 
 def known_of(expected: ExpectedQuantity, found: PlanFindings) -> KnownQuantity:
