@@ -61,6 +61,7 @@ def predicted(fit: Fit, channel: str, temperature: Floats, readings: Floats) -> 
     if spread is not None:
         there = there + spread[:, None] * rng.standard_normal(there.shape)
     curve = posterior.predict(theta, {"temperature": there}, weights=fit.discrepancy)[channel]
+    curve = curve + posterior.of_new_sweeps(rng, theta, 0, channel, there)
     scale = np.broadcast_to(posterior.noise_scale(theta, 0, channel, curve), curve.shape)
     shape, apart = theta[:, posterior.layout[0].noise[channel][1:]], Steps.apart(temperature.size)
     density = posterior.noise.log_density((readings - curve) / scale, shape, apart) - np.log(scale)

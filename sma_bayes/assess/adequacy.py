@@ -122,6 +122,11 @@ class DiscrepancySummary(DocumentPart):
     at: Number = Field(description="temperature there [that of temperature]")
     share: Number = Field(description="magnitude of `largest` over the range of the channel [1]")
     ln_bayes_factor: NumberOrNull = Field(description="what it gains in ln evidence at the warm start [1]")
+    between_sweeps: NumberOrNull = Field(
+        default=None,
+        description="root mean square of what a sweep has of its own beside it, posterior median; null where sweeps "
+        "are alike [unit]",
+    )
 
 
 class Reason(DocumentPart):
@@ -152,6 +157,7 @@ def missed(fit: Fit, record: int = 0) -> dict[str, DiscrepancySummary]:
         median = np.median(curves.discrepancy(channel, t), axis=0)
         i = int(np.argmax(np.abs(median)))
         span = fit.posterior.observed_range(record, channel)[1]
+        apart = fit.posterior.layout[record].between.get(channel)
         gain = fit.noise_choice.discrepancy.get(channel, np.nan) if fit.noise_choice else np.nan
         out[channel] = DiscrepancySummary(
             unit=r.units[channel],
@@ -160,6 +166,7 @@ def missed(fit: Fit, record: int = 0) -> dict[str, DiscrepancySummary]:
             at=float(t[i]),
             share=abs(float(median[i])) / span,
             ln_bayes_factor=float(gain),
+            between_sweeps=None if apart is None else float(np.median(fit.flat[:, apart])),
         )
     return out
 

@@ -217,7 +217,8 @@ def new_samples(curves: CurveDraws, channel: str, temperature: Floats, rng: np.r
         true = temperature + spread[:, None] * rng.standard_normal((len(theta), temperature.size))
     clean = curves.curve(channel, true)
     scale = posterior.noise_scale(theta, record, channel, clean)
-    return np.asarray(clean + scale * series)
+    apart = posterior.of_new_sweeps(rng, theta, record, channel, true)
+    return np.asarray(clean + scale * series + apart)
 
 
 def _no_measurement(t: Floats) -> dict[str, Floats]:

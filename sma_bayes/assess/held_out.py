@@ -22,7 +22,7 @@ from scipy.special import logsumexp
 
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.correlation import Agreement, agreement
-from sma_bayes.fitting.discrepancy import DiscrepancyBasis, turned
+from sma_bayes.fitting.discrepancy import SWEEP, DiscrepancyBasis, SweepFunctions, sweeps_of, turned
 from sma_bayes.fitting.posterior import Posterior, Weights
 from sma_bayes.records.types import Record
 from sma_bayes.sampling.importance import WeightedDraws, importance_draws
@@ -85,6 +85,8 @@ def part(record: Record, kept: Mask) -> Record:
     starts = np.ones(record.n, dtype=bool)
     starts[1:] = (np.diff(segment) != 0) | ~kept[:-1]
     inputs = {k: v[kept] for k, v in record.inputs.items()}
+    if np.unique(record.inputs["segment"]).size > 1:
+        inputs[SWEEP] = sweeps_of(record.inputs)[kept].astype(float)
     inputs["segment"] = np.cumsum(starts[kept]).astype(float)
     observed = {k: v[kept] for k, v in record.observed.items()}
     return replace(record, inputs=inputs, observed=observed, row=record.row[kept])
@@ -100,17 +102,28 @@ def of_samples(posterior: Posterior, record: Record) -> Posterior:
     for channel, basis in posterior.discrepancy[0].items():
         rows = basis.at(record.temperature).T
         power, axes = np.linalg.eigh(rows @ rows.T)
-        bases[channel] = DiscrepancyBasis(basis.temperature, basis.values @ axes, turned(rows, axes, power))
+        bases[channel] = DiscrepancyBasis(
+            basis.temperature, basis.values @ axes, turned(rows, axes, power), own_of(basis, record)
+        )
     return posterior.on([record], discrepancy=[bases])
 
 
 def evaluated_on(posterior: Posterior, record: Record) -> Posterior:
     """The same at other samples, for given weights: the functions of the discrepancy stay as they are."""
     bases = {
-        c: DiscrepancyBasis.tabulated(b.temperature, b.values, record.temperature)
+        c: replace(
+            DiscrepancyBasis.tabulated(b.temperature, b.values, record.temperature), own=own_of(b, record)
+        )
         for c, b in posterior.discrepancy[0].items()
     }
     return posterior.on([record], discrepancy=[bases])
+
+
+def own_of(basis: DiscrepancyBasis, record: Record) -> SweepFunctions | None:
+    """What sweeps of other samples have of their own, where those of the basis have anything."""
+    if basis.own is None:
+        return None
+    return SweepFunctions.tabulated(basis.own.temperature, basis.own.values, record.inputs)
 
 
 def density_of(

@@ -3,7 +3,8 @@
 Draws of the posterior are weighted by one over the likelihood of the sweep that is left out (PSIS); where the weights
 can't be relied on the others are fitted again. What is looked at is the part of the sweep along the tangents of its
 curve, in which parameters of its own would show. Its innovations there, ``d``, are predicted with mean nought and
-covariance ``1 + C``, the noise and what the others leave open of the curve, so that
+covariance ``1 + C``, the noise and what the others leave open of the curve, what a sweep has of its own by chance
+(`sma_bayes.fitting.discrepancy`) included, so that
 
     d' (1 + C)^-1 d / r
 
@@ -20,6 +21,7 @@ A. Vehtari, A. Gelman, J. Gabry, Statistics and Computing 27 (2017) 1413 (weight
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from pydantic import Field
@@ -62,6 +64,28 @@ class LeftOutSweep(DocumentPart):
     spare: int = Field(description="degrees of freedom of its denominator")
     pareto_k: NumberOrNull = Field(description="Pareto k of the weights of the draws [1]")
     refitted: bool = Field(description="whether the others were fitted again")
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Drawn:
+    """Draws that know nothing of a sweep.
+
+    Attributes
+    ----------
+    innovations : mapping of str to ndarray, shape (S, n)
+        Of the whole record, by channel.
+    theta : ndarray, shape (S, P)
+    log_weight : ndarray, shape (S,)
+    """
+
+    innovations: Mapping[str, Floats]
+    theta: Floats
+    log_weight: Floats
+
+    def root_mean_square(self, position: int) -> float:
+        """Of one of the parameters."""
+        w = np.exp(self.log_weight - logsumexp(self.log_weight))
+        return float(np.sqrt(w @ self.theta[:, position] ** 2))
 
 
 def samples_of_sweeps(record: Record) -> list[Ints]:
@@ -137,16 +161,23 @@ def left_out_sweeps(fit: Fit, record: int = 0) -> list[LeftOutSweep]:
         pointwise = posterior.pointwise_log_likelihood(fit.flat, fit.discrepancy)[record]
     log_weight, k, again = weights_without(pointwise, sweeps, REFITS if len(fit.records) == 1 else 0)
     tangents = _tangents(fit, record)
+    of_its_own = _of_its_own(fit, record)
     innovations = _innovations(posterior, fit.flat, fit.discrepancy, record)
     out = []
     for i, sweep in enumerate(sweeps):
-        drawn: tuple[dict[str, Floats], Floats] | None = (innovations, log_weight[:, i])
+        drawn: _Drawn | None = _Drawn(innovations, fit.flat, log_weight[:, i])
         if not k[i] <= RELIABLE:
             drawn = _without(fit, sweep) if i in again else None
         for channel in r.channels:
             rows = _orthonormal(tangents[channel][:, sweep])
             spare = max(sum(x.n for x in fit.records) - sweep.size - rows.shape[0], 1)
-            distance = None if drawn is None else _distance(drawn[0][channel][:, sweep], drawn[1], rows)
+            distance = None
+            if drawn is not None:
+                own = None
+                if channel in of_its_own:
+                    size = drawn.root_mean_square(posterior.layout[record].between[channel])
+                    own = size * of_its_own[channel][:, sweep] @ rows.T
+                distance = _distance(drawn.innovations[channel][:, sweep], drawn.log_weight, rows, own)
             pit = None if distance is None else float(f_distribution.cdf(distance, rows.shape[0], spare))
             refitted = drawn is not None and not k[i] <= RELIABLE
             out.append(
@@ -187,7 +218,7 @@ def sweep_checks(sweeps: Sequence[LeftOutSweep]) -> list[Check]:
 
 def _innovations(posterior: Posterior, theta: Floats, weights: Weights, record: int) -> dict[str, Floats]:
     with np.errstate(all="ignore"):
-        return posterior.residuals(theta, weights)[record]
+        return posterior.residuals(theta, weights, of_sweeps=True)[record]
 
 
 def _tangents(fit: Fit, record: int) -> dict[str, Floats]:
@@ -207,6 +238,23 @@ def _tangents(fit: Fit, record: int) -> dict[str, Floats]:
     return out
 
 
+def _of_its_own(fit: Fit, record: int) -> dict[str, Floats]:
+    """What functions of a sweep alone, of unit size, do to innovations at the median: channel to (q, n)."""
+    posterior = fit.posterior
+    place, steps = posterior.layout[record], posterior.steps[record]
+    theta = np.median(fit.flat, axis=0)
+    with np.errstate(all="ignore"):
+        _, relative = posterior.moments_of_noise(theta, record)
+        out = {}
+        for channel in place.between:
+            own = posterior.discrepancy[record][channel].own
+            assert own is not None  # a size stands for it
+            rows = own.samples / (theta[place.noise[channel][0]] * relative[channel])
+            shape = np.repeat(posterior.noise_shape(theta[None], record, channel), len(rows), axis=0)
+            out[channel] = posterior.noise.decorrelate(rows, shape, steps)
+    return out
+
+
 def _orthonormal(rows: Floats) -> Floats:
     """Orthonormal rows (r, n) that span what is finite of some rows (p, n)."""
     usable = rows[np.isfinite(rows).all(axis=1)]
@@ -216,8 +264,11 @@ def _orthonormal(rows: Floats) -> Floats:
     return np.asarray(axes[singular > 1e-6 * singular.max(initial=0.0)])
 
 
-def _distance(e: Floats, log_weight: Floats, rows: Floats) -> float | None:
-    """``d' (1 + C)^-1 d / r`` of weighted draws of innovations (S, n) along orthonormal rows (r, n), if finite."""
+def _distance(e: Floats, log_weight: Floats, rows: Floats, own: Floats | None = None) -> float | None:
+    """``d' (1 + C)^-1 d / r`` of weighted draws of innovations (S, n) along orthonormal rows (r, n), if finite.
+
+    What the sweep has of its own scatters along them, too, by `own` (q, r), if there is such a thing.
+    """
     w = np.exp(log_weight - logsumexp(log_weight))
     kept = w > 0.0
     if not len(rows) or not np.isfinite(e[kept]).all():
@@ -226,12 +277,14 @@ def _distance(e: Floats, log_weight: Floats, rows: Floats) -> float | None:
     mean = w[kept] @ along
     apart = along - mean
     covariance = np.eye(len(rows)) + (apart * w[kept, None]).T @ apart
+    if own is not None:
+        covariance = covariance + own.T @ own
     value = float(mean @ np.linalg.solve(covariance, mean)) / len(rows)
     return value if np.isfinite(value) else None
 
 
-def _without(fit: Fit, sweep: Ints) -> tuple[dict[str, Floats], Floats] | None:
-    """Innovations of the whole record under a fit without a sweep, with weights; None where it missed its target."""
+def _without(fit: Fit, sweep: Ints) -> _Drawn | None:
+    """Innovations of the whole record under a fit without a sweep; None where it missed its target."""
     (record,) = fit.records
     seed, missed_seed = np.random.SeedSequence([fit.seed, 7, int(sweep[0]), *record.key.encode()]).spawn(2)
     found = fitted_without(fit.posterior, sweep, np.median(fit.z.reshape(-1, fit.z.shape[-1]), axis=0), seed)
@@ -240,4 +293,4 @@ def _without(fit: Fit, sweep: Ints) -> tuple[dict[str, Floats], Floats] | None:
     rest, draws = found
     theta = rest.space.constrain(draws.z)
     weights = missed_by(rest, theta, missed_seed)
-    return _innovations(evaluated_on(rest, record), theta, weights, 0), draws.log_weight
+    return _Drawn(_innovations(evaluated_on(rest, record), theta, weights, 0), theta, draws.log_weight)

@@ -57,7 +57,8 @@ def _factor(posterior: Posterior, channel: str) -> DensityFactor | None:
     for place in posterior.layout:
         noise = {channel: _appended(kept, place.noise[channel].tolist())}
         size = {c: int(_appended(kept, [k])[0]) for c, k in place.size.items() if c == channel}
-        layout.append(ParameterIndex(np.arange(len(own)), noise, size))
+        between = {c: int(_appended(kept, [k])[0]) for c, k in place.between.items() if c == channel}
+        layout.append(ParameterIndex(np.arange(len(own)), noise, size, between=between))
     coordinate = {k: i for i, k in enumerate(posterior.space.free_index.tolist())}
     at = np.array([coordinate[k] for k in kept if k in coordinate], dtype=np.int64)
     if not at.size:

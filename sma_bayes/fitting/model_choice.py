@@ -117,7 +117,9 @@ def prepare(
     start = warm_start(posterior, rng)
     choice = None
     if noise is None or NOISE_MODELS[noise].is_density:
-        choice = choose_noise(posterior, start, priors, noise=noise, discrepancy=discrepancy)
+        choice = choose_noise(
+            posterior, start, priors, noise=noise, discrepancy=discrepancy, sweeps=discrepancy
+        )
     return Prepared(posterior, priors, start, choice)
 
 

@@ -9,13 +9,22 @@ the few parameters that it has.
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, field, replace
 from functools import partial
 
 import numpy as np
 
 from sma_bayes.arrays import Bools, Floats
-from sma_bayes.fitting.discrepancy import DiscrepancyBasis, Whitened, build_basis, nodes_of, size_fact
+from sma_bayes.fitting.discrepancy import (
+    DiscrepancyBasis,
+    SweepFunctions,
+    Whitened,
+    between_sweeps_fact,
+    build_basis,
+    nodes_of,
+    size_fact,
+)
 from sma_bayes.fitting.expected_response import fitted_moments, quiet
 from sma_bayes.fitting.posterior import Posterior, build_posterior
 from sma_bayes.fitting.warm_start import WarmStart
@@ -81,7 +90,8 @@ class NoiseChoice:
     bases : tuple of mapping
         For each record, channel to the basis of its discrepancy, where one is taken.
     estimate : tuple of mapping
-        For each record, channel to the likeliest parameters of its noise, then the size of its discrepancy.
+        For each record, channel to the likeliest parameters of its noise, then the size of its discrepancy and of what
+        sweeps have of their own.
     temperature_sd : tuple of float
         For each record, likeliest standard deviation of an error of the thermometer; zero where none is estimated.
     longest_memory : tuple of mapping
@@ -106,6 +116,7 @@ def choose_noise(
     *,
     noise: str | None = None,
     discrepancy: bool = True,
+    sweeps: bool = False,
 ) -> NoiseChoice:
     """Choose a noise model, and whether discrepancies stand beside the curves.
 
@@ -117,7 +128,10 @@ def choose_noise(
     unless it lacks `REFUTED`. Discrepancies are taken where the evidence of all
     channels together is greater with them (by `EARNED` beside a memory, which a smooth misfit resembles): force and
     displacement are of one specimen, and where the curve fails in one of them the other, in more noise, is no better
-    known. Before another series a discrepancy counts as a memory does.
+    known. Before another series a discrepancy counts as a memory does. Where records have several sweeps all of this is
+    done once more with what each sweep has of its own beside the discrepancy, which is taken where it gains `EARNED`.
+    Growth and an error of the thermometer don't take part then: they follow the common curve, and would tell where it
+    lies by how the noise of sweeps changes that lie elsewhere.
 
     Parameters
     ----------
@@ -129,8 +143,25 @@ def choose_noise(
         The only noise model to consider.
     discrepancy : bool
         Whether discrepancies are considered.
+    sweeps : bool
+        Whether what sweeps have of their own is considered.
     """
     residuals = _Residuals(posterior, start, priors, discrepancy)
+    choice, supported = _chosen(residuals, noise)
+    if sweeps and choice.name != ROUNDED and "+" not in (noise or ""):
+        apart = residuals.with_sweeps_apart()
+        if apart is not None:
+            other, of_other = _chosen(apart, noise)
+            if any(b.own is not None for own in other.bases for b in own.values()) and (
+                of_other > supported + EARNED
+            ):
+                return other
+    return choice
+
+
+def _chosen(residuals: _Residuals, noise: str | None) -> tuple[NoiseChoice, float]:
+    """What describes residuals best, of one noise model or all, and how well; see `choose_noise`."""
+    posterior = residuals.posterior
     found: dict[str, _Description] = {}
     coarse: dict[str, float] = {}
 
@@ -162,7 +193,7 @@ def choose_noise(
         best = max(names, key=lambda n: look(n).supported - EARNED * _features(NOISE_MODELS[n]))
         signs = signs.joined(residuals.signs(look(best)))
         for suffix, sign in (("growing", signs.growth), ("temperature_error", signs.slope)):
-            if not sign:
+            if not sign or residuals.apart:
                 continue
             series, *others = best.split("+")
             extended = "+".join([series, *others, suffix])
@@ -183,8 +214,8 @@ def choose_noise(
     rivals = {name: d.ln_evidence - top for name, d in found.items() if np.isfinite(d.ln_evidence)} or {
         best: 0.0
     }
-    neighbours = neighbour_correlation(posterior, start)
-    return NoiseChoice(
+    neighbours = neighbour_correlation(posterior, residuals.start)
+    choice = NoiseChoice(
         best,
         _reason(best, rivals, neighbours, chosen, coarse, posterior.records[0].quantity),
         neighbours,
@@ -195,6 +226,7 @@ def choose_noise(
         chosen.temperature_sd,
         chosen.longest_memory,
     )
+    return choice, chosen.supported
 
 
 def _features(noise: NoiseModel) -> int:
@@ -269,7 +301,10 @@ def _reason(
     taken = sorted({channel for bases in description.bases for channel in bases})
     if taken:
         gains = ", ".join(f"{description.gain[c]:.1f} ({quantity(c)})" for c in taken)
-        parts.append(f"a smooth discrepancy beside the curve gains {gains} in ln evidence")
+        beside = "a smooth discrepancy beside the curve"
+        if any(b.own is not None for bases in description.bases for b in bases.values()):
+            beside += ", and what each sweep has of its own,"
+        parts.append(f"{beside} gains {gains} in ln evidence")
         if NOISE_MODELS[name].autocorrelated and others and rivals[name] - others[0][0] < EARNED:
             parts.append("beside it a memory stays unless the evidence is against it")
     return f"{title}: {'; '.join(parts)}"
@@ -357,12 +392,33 @@ class _Residuals:
             for r, m in zip(posterior.records, self.moments, strict=True)
         ]
         self.quiet = [quiet(r, m) for r, m in zip(posterior.records, self.moments, strict=True)]
+        self.apart = False  # whether sweeps have something of their own
         self.bases: Bases = tuple({} for _ in posterior.records)
         if discrepancy:
             self.bases = discrepancy_bases(posterior, theta)
             smooth = self._smooth()
             if any(smooth):
                 self.bases = discrepancy_bases(posterior, theta, smooth)
+
+    def with_sweeps_apart(self) -> _Residuals | None:
+        """The same with what each sweep has of its own beside discrepancies; None where no record has such sweeps."""
+        theta, model, free = self.start.theta, self.posterior.model, self.posterior.sampled_model
+        bases = []
+        for record, own in zip(self.posterior.records, self.bases, strict=True):
+            found = {}
+            for channel, basis in own.items():
+                at_nodes = {**_constant(record), "temperature": basis.temperature}
+                with np.errstate(all="ignore"):
+                    tangents = [model.jacobian(theta, x)[channel][:, free] for x in (record.inputs, at_nodes)]
+                found[channel] = replace(
+                    basis, own=SweepFunctions.of(record.inputs, basis.temperature, *tangents)
+                )
+            bases.append(found)
+        if all(b.own is None for own in bases for b in own.values()):
+            return None
+        other = copy(self)
+        other.bases, other.apart = tuple(bases), True
+        return other
 
     def signs(self, description: _Description) -> _Signs:
         """What the innovations of a description, and the plain residuals, show."""
@@ -534,9 +590,10 @@ class _FittedNoise:
 
 @dataclass(frozen=True, slots=True)
 class _Slots:
-    """Positions among the parameters of one channel: the size of a discrepancy, the error of the thermometer."""
+    """Positions among the parameters of one channel: sizes of a discrepancy and between sweeps, thermometer's sd."""
 
     size: int | None
+    between: int | None
     temperature_sd: int | None
 
 
@@ -550,17 +607,20 @@ def _space(
 ) -> tuple[ParameterSpace, _Slots]:
     """Parameters of the noise of one channel of one record with their priors; that of ``sd`` is wide."""
     facts = list(noise.parameters(channel, record.units[channel], record.units.get("time", "s")))
-    size = felt = None
+    size = between = felt = None
     if basis is not None:
         size = len(facts)
         facts.append(size_fact(channel, record.units[channel]))
+        if basis.own is not None:
+            between = len(facts)
+            facts.append(between_sweeps_fact(channel, record.units[channel]))
     if noise.feels_temperature:
         felt = len(facts)
         facts.append(temperature_sd_fact(record.units["temperature"]))
     parameters = [priors.parameter(fact, record.branch, scales, noise=True) for fact in facts]
     wide = LogNormal(0.5 * scales.residual[channel], WIDE)
     parameters[0] = replace(parameters[0], prior=wide, fixed=None)
-    return ParameterSpace(tuple(parameters)), _Slots(size, felt)
+    return ParameterSpace(tuple(parameters)), _Slots(size, between, felt)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -624,7 +684,10 @@ class _ResidualDensity:
         with np.errstate(all="ignore"):
             whitened = self._whitened(theta)
             found = whitened.likeliest_weights()
-            e = whitened.e - found @ whitened.rows / whitened.scale
+            missed = found @ whitened.rows / whitened.scale
+            if whitened.own is not None:
+                missed = whitened.likeliest_series()
+            e = whitened.e - missed
             innovations = np.nan_to_num(self.noise.innovations(e, whitened.shape, self.steps)[0])
         if self.basis is None or not np.isfinite(found).all():
             return None, innovations
@@ -642,11 +705,15 @@ class _ResidualDensity:
         elif self.declared.any():
             scale = np.sqrt(scale * scale + self.declared)
         rows, sizes = self.tangents, np.full((len(theta), len(self.tangents)), self.reach)
+        own = between = None
         if self.basis is not None and self.slots.size is not None:
             rows = np.concatenate([self.basis.rows, rows])
             size = np.repeat(theta[:, self.slots.size, None], self.basis.count, axis=1)
+            if self.slots.between is not None:
+                own, between = self.basis.own, theta[:, self.slots.between]
             sizes = np.concatenate([size, sizes], axis=1)
-        return Whitened(self.noise, shape, self.steps, self.residual / scale, scale, rows, sizes)
+        e = self.residual / scale
+        return Whitened(self.noise, shape, self.steps, e, scale, rows, sizes, own, between)
 
     def starts(self) -> list[Floats]:
         """Where to climb from: what is left is noise of one kind, or mostly smooth with a little noise."""
@@ -662,6 +729,8 @@ class _ResidualDensity:
             theta[0] = sd
             if self.slots.size is not None:
                 theta[self.slots.size] = size
+            if self.slots.between is not None:
+                theta[self.slots.between] = size
             if self.slots.temperature_sd is not None:
                 steepest = float(np.max(np.abs(self.slope))) or 1.0
                 theta[self.slots.temperature_sd] = felt * own[0] / steepest
@@ -801,6 +870,8 @@ def noise_start(posterior: Posterior, start: WarmStart, choice: NoiseChoice | No
                 theta[at] = known[channel][: at.size]
                 if channel in place.size:
                     theta[place.size[channel]] = known[channel][at.size]
+                if channel in place.between:
+                    theta[place.between[channel]] = known[channel][at.size + 1]
             else:
                 theta[at] = posterior.noise.estimate(
                     _solid(residual[channel], record.observed[channel]), steps

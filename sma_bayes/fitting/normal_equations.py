@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sma_bayes.arrays import Bools, Floats, Ints
-from sma_bayes.fitting.discrepancy import safe_cholesky
+from sma_bayes.fitting.discrepancy import SweepFunctions, safe_cholesky
 from sma_bayes.fitting.posterior import Posterior
 from sma_bayes.noise import Steps
 
@@ -33,8 +33,8 @@ class NormalEquations:
         For each record, channel to rows of ``J'`` with the residual as the last row, (m + 1, n), each divided
         by the scale of the whitened residual at the mode relative to the sd of its noise.
     bases : tuple of dict
-        For each record, channel to the basis of its discrepancy (k, n), divided likewise; channels without one are
-        left out.
+        For each record, channel to the basis of its discrepancy (k, n), divided likewise, and after it functions of the
+        sweep that each sample is of, where sweeps have anything of their own; channels without one are left out.
     precision, pull : ndarray, shape (m, m) and (m,)
         P and p of the prior.
     """
@@ -72,13 +72,6 @@ class NormalEquations:
             for channel, rows in blocks.items():
                 yield rows, place.noise[channel], steps
 
-    def _channels_with_bases(self) -> Iterator[tuple[Floats, Floats | None, Ints, int, Steps]]:
-        """The same with the basis of the discrepancy, if there is one, and the position of its size."""
-        layout, steps = self.posterior.layout, self.posterior.steps
-        for blocks, bases, place, own in zip(self.rows, self.bases, layout, steps, strict=True):
-            for channel, rows in blocks.items():
-                yield rows, bases.get(channel), place.noise[channel], place.size.get(channel, -1), own
-
     def _bordered(self, theta: Floats) -> tuple[Floats, Floats]:
         """Precision, pull and sum of squares of each value of the noise, and the volume of discrepancies.
 
@@ -92,19 +85,51 @@ class NormalEquations:
         prior = np.block([[self.precision, self.pull[:, None]], [self.pull, np.zeros(1)]])
         total = np.repeat(prior[..., None], len(theta), axis=2)
         log_volume = np.zeros(len(theta))
-        for rows, basis, at, size, steps in self._channels_with_bases():
-            per_variance = 1.0 / theta[:, at[0]] ** 2
-            shape = self.posterior.noise.shape_of(theta[:, at])
-            if basis is None:
-                gram = self.posterior.noise.weighted_gram(rows, shape, steps)
-            else:
-                ratio = per_variance * theta[:, size] ** 2
-                gram, volume = self._without_weights(rows, basis, shape, steps, ratio)
-                log_volume += volume
-            gram = np.moveaxis(gram, 0, -1)
-            for i in range(self.count + 1):  # by rows, which stay in the processor's cache
-                total[i, : i + 1] += gram[i, : i + 1] * per_variance
+        for record, blocks in enumerate(self.rows):
+            place, steps = self.posterior.layout[record], self.posterior.steps[record]
+            for channel, rows in blocks.items():
+                at = place.noise[channel]
+                per_variance = 1.0 / theta[:, at[0]] ** 2
+                shape = self.posterior.noise.shape_of(theta[:, at])
+                basis = self.bases[record].get(channel)
+                if basis is None:
+                    gram = self.posterior.noise.weighted_gram(rows, shape, steps)
+                elif channel in place.between:
+                    sizes = (theta[:, places[channel]] for places in (place.size, place.between))
+                    ratios = (per_variance * size**2 for size in sizes)
+                    own = self.posterior.discrepancy[record][channel].own
+                    assert own is not None  # a size stands for it
+                    gram, volume = self._without_sweeps(rows, basis, shape, steps, own, *ratios)
+                    log_volume += volume
+                else:
+                    ratio = per_variance * theta[:, place.size[channel]] ** 2
+                    gram, volume = self._without_weights(rows, basis, shape, steps, ratio)
+                    log_volume += volume
+                gram = np.moveaxis(gram, 0, -1)
+                for i in range(self.count + 1):  # by rows, which stay in the processor's cache
+                    total[i, : i + 1] += gram[i, : i + 1] * per_variance
         return total, log_volume
+
+    def _without_sweeps(
+        self,
+        rows: Floats,
+        basis: Floats,
+        shape: Floats,
+        steps: Steps,
+        own: SweepFunctions,
+        ratio: Floats,
+        of_sweeps: Floats,
+    ) -> tuple[Floats, Floats]:
+        """The same as `_without_weights` where each sweep has something of its own, of another ratio (W,)."""
+        every, kept = np.concatenate([rows, basis]), len(rows) + len(basis) - len(own.samples)
+        total, log_volume = np.zeros((len(shape), kept, kept)), np.zeros(len(shape))
+        for part in own.parts:
+            gram = self.posterior.noise.weighted_gram(every[:, part], shape, steps.part(part))
+            left, volume = _eliminated(gram, kept, of_sweeps)
+            total += left
+            log_volume += volume
+        gram, volume = _eliminated(total, len(rows), ratio)
+        return gram, log_volume + volume
 
     def _without_weights(
         self, rows: Floats, basis: Floats, shape: Floats, steps: Steps, ratio: Floats

@@ -13,7 +13,9 @@ channel by conditioning on those before. What is left has unit variance and is h
 memory in the noise extends to the error of temperature as well.
 
 Where a discrepancy stands beside the curve (`sma_bayes.fitting.discrepancy`) its weights are integrated out of the
-density. Curves, residuals and replicated data are those of given weights, which `draw_discrepancy` draws.
+density. Curves, residuals and replicated data are those of given weights, which `draw_discrepancy` draws. What sweeps
+have of their own is integrated out with them; it is noise that the readings of a sweep share: replicated sweeps have it
+anew, and residuals are less what is likeliest of it.
 """
 
 from __future__ import annotations
@@ -32,7 +34,13 @@ from numpy.typing import NDArray
 from sma_bayes.arrays import Floats
 from sma_bayes.batches import batches
 from sma_bayes.errors import PriorError
-from sma_bayes.fitting.discrepancy import DiscrepancyBasis, Whitened, size_fact
+from sma_bayes.fitting.discrepancy import (
+    DiscrepancyBasis,
+    SweepFunctions,
+    Whitened,
+    between_sweeps_fact,
+    size_fact,
+)
 from sma_bayes.noise import NOISE_MODELS, NoiseModel, Steps
 from sma_bayes.noise.heteroscedastic import temperature_sd_fact
 from sma_bayes.parameters.priors_file import PriorSet
@@ -74,6 +82,8 @@ class ParameterIndex:
         Positions of each channel's noise parameters.
     size : mapping of str to int
         Position of the size of each channel's discrepancy, where it has one.
+    between : mapping of str to int
+        Position of the size of what sweeps of each channel have of their own, where they have anything.
     temperature_sd : int or None
         Position of the standard deviation of an error of the thermometer, where it is estimated.
     """
@@ -82,10 +92,14 @@ class ParameterIndex:
     noise: Mapping[str, NDArray[np.intp]]
     size: Mapping[str, int] = field(default_factory=dict)
     temperature_sd: int | None = None
+    between: Mapping[str, int] = field(default_factory=dict)
 
     def blocks(self) -> list[NDArray[np.intp]]:
         """Positions that belong together beside the model's: noise and discrepancy of each channel, the thermometer."""
-        found = [np.append(at, self.size[c]) if c in self.size else at for c, at in self.noise.items()]
+        beside = (self.size, self.between)
+        found = [
+            np.append(at, [s[c] for s in beside if c in s]).astype(np.intp) for c, at in self.noise.items()
+        ]
         return found if self.temperature_sd is None else [*found, np.array([self.temperature_sd])]
 
 
@@ -245,7 +259,8 @@ class Posterior:
         -------
         tuple of dict
             For each record, channel to array of shape (W, n). Without discrepancies their sum is `log_likelihood`; what
-            an error of the thermometer adds stands with the first channel.
+            an error of the thermometer adds stands with the first channel. What sweeps have of their own is integrated
+            out, which the readings of a sweep share evenly.
         """
         theta = np.atleast_2d(theta)
         out = []
@@ -264,24 +279,33 @@ class Posterior:
                     continue
                 for channel, e, scale in self._standardised(theta[part], i, own):
                     shape = self.noise_shape(theta[part], i, channel)
+                    if channel in _of(own, i) and self._sweeps_differ(i, channel):
+                        found[channel][part] = self._density_in_sweeps(theta[part], i, channel, e, scale)
+                        continue
                     density = self.noise.log_density(e, shape, self.steps[i]) - np.log(scale)
                     found[channel][part] = self.noise.likelihood_weight(shape)[:, None] * density
             out.append(found)
         return tuple(out)
 
-    def residuals(self, theta: Floats, weights: Weights = ()) -> tuple[dict[str, Floats], ...]:
+    def residuals(
+        self, theta: Floats, weights: Weights = (), *, of_sweeps: bool = False
+    ) -> tuple[dict[str, Floats], ...]:
         """Whitened residuals with the memory of the noise taken out, for each record: channel to (W, n).
 
-        If model and noise are right they are independent and of unit variance.
+        If model and noise are right they are independent and of unit variance. They are less what is likeliest of what
+        sweeps have of their own, unless this is left in (`of_sweeps`).
         """
         theta = np.atleast_2d(theta)
-        return tuple(
-            {
-                channel: self.noise.innovations(e, self.noise_shape(theta, i, channel), self.steps[i])
-                for channel, e, _ in self._standardised(theta, i, weights)
-            }
-            for i in range(len(self.records))
-        )
+        out = []
+        for i in range(len(self.records)):
+            found = {}
+            for channel, e, scale in self._standardised(theta, i, weights):
+                shape = self.noise_shape(theta, i, channel)
+                if channel in _of(weights, i) and self._sweeps_differ(i, channel) and not of_sweeps:
+                    e = e - self._of_sweeps(theta, i, channel, e, scale)
+                found[channel] = self.noise.innovations(e, shape, self.steps[i])
+            out.append(found)
+        return tuple(out)
 
     def draw_discrepancy(self, rng: np.random.Generator, theta: Floats) -> Weights:
         """Weights of the discrepancies, drawn given the measurements and everything else.
@@ -307,7 +331,8 @@ class Posterior:
                     for channel, e, scale in self._standardised(theta[part], i):
                         if channel in found:
                             whitened = self._whitened(theta[part], i, channel, e, scale)
-                            found[channel][part] = whitened.draw_weights(rng)
+                            count = self.discrepancy[i][channel].count
+                            found[channel][part] = whitened.draw_weights(rng)[:, :count]
             out.append(found)
         return tuple(out)
 
@@ -353,6 +378,10 @@ class Posterior:
             centre = mean[channel]
             if channel in given:
                 centre = centre + given[channel] @ self.discrepancy[record][channel].rows
+            if self._sweeps_differ(record, channel):
+                size, own = self._between(theta, record, channel)
+                drawn = size[:, None] * rng.standard_normal((len(theta), len(own.rows)))
+                centre = centre + drawn @ own.rows
             if not parts:
                 sd = self.noise_scale(theta, record, channel, mean[channel])
                 out[channel] = self.readings(rng, theta, record, channel, centre, sd, self.steps[record])
@@ -385,6 +414,26 @@ class Posterior:
         if at is not None:
             return np.asarray(np.hypot(theta[:, at], declared))
         return np.full(len(theta), declared) if declared > 0.0 else None
+
+    def of_new_sweeps(
+        self, rng: np.random.Generator, theta: Floats, record: int, channel: str, temperature: Floats
+    ) -> Floats:
+        """What new sweeps have of their own at temperatures (g,) or (W, g), each reading of another; shape (W, g)."""
+        if not self._sweeps_differ(record, channel):
+            return np.zeros((1, 1))
+        size, own = self._between(theta, record, channel)
+        return own.of_new_sweep(rng, size, temperature)
+
+    def _sweeps_differ(self, record: int, channel: str) -> bool:
+        """Whether sweeps have anything of their own."""
+        basis = self.discrepancy[record].get(channel)
+        return basis is not None and basis.own is not None and channel in self.layout[record].between
+
+    def _between(self, theta: Floats, record: int, channel: str) -> tuple[Floats, SweepFunctions]:
+        """Size (W,) of what sweeps have of their own, and the functions of which it is made."""
+        own = self.discrepancy[record][channel].own
+        assert own is not None  # a size stands for it
+        return theta[:, self.layout[record].between[channel]], own
 
     def readings(
         self,
@@ -478,6 +527,8 @@ class Posterior:
         if channel in self.discrepancy[record]:
             whitened = self._whitened(theta[None], record, channel, e, scale)
             missed = whitened.likeliest_weights() @ whitened.rows
+            if whitened.own is not None:
+                missed = whitened.likeliest_series() * scale
         left = noise.decorrelate(e - missed / scale, shape, steps)
         pull = noise.score(left, shape) / noise.location_information(shape)[:, None]
         return np.asarray((noise.correlate(pull, shape, steps) * scale + missed)[0])
@@ -596,11 +647,38 @@ class Posterior:
             yield channel, whitened, scale
 
     def _whitened(self, theta: Floats, record: int, channel: str, e: Floats, scale: Floats) -> Whitened:
-        place = self.layout[record]
+        place, basis = self.layout[record], self.discrepancy[record][channel]
         shape = self.noise_shape(theta, record, channel)
-        rows = self.discrepancy[record][channel].rows
+        apart = self._sweeps_differ(record, channel)
+        own, between = (basis.own, theta[:, place.between[channel]]) if apart else (None, None)
         size = theta[:, place.size[channel], None]
-        return Whitened(self.noise, shape, self.steps[record], e, scale, rows, size)
+        return Whitened(self.noise, shape, self.steps[record], e, scale, basis.rows, size, own, between)
+
+    def _of_sweeps(self, theta: Floats, record: int, channel: str, e: Floats, scale: Floats) -> Floats:
+        """Likeliest part (W, n) of standardised residuals that sweeps have of their own."""
+        size, own = self._between(theta, record, channel)
+        shape, steps = self.noise_shape(theta, record, channel), self.steps[record]
+        nothing = np.empty((0, e.shape[1])), np.empty((len(e), 0))
+        return Whitened(self.noise, shape, steps, e, scale, *nothing, own, size).likeliest_series()
+
+    def _density_in_sweeps(
+        self, theta: Floats, record: int, channel: str, e: Floats, scale: Floats
+    ) -> Floats:
+        """Log density (W, n) of readings, what each sweep has of its own integrated out of those of that sweep."""
+        size, own = self._between(theta, record, channel)
+        shape, density = self.noise_shape(theta, record, channel), np.empty_like(e)
+        scale = np.broadcast_to(scale, e.shape)
+        for part in own.parts:
+            steps, n = self.steps[record].part(part), part.stop - part.start
+            nothing = np.empty((0, n)), np.empty((len(e), 0))
+            sweep = Whitened(
+                self.noise, shape, steps, e[:, part], scale[:, part], *nothing, own.part(part), size
+            )
+            left = e[:, part] - sweep.likeliest_series()
+            each = self.noise.log_density(left, shape, steps) - np.log(scale[:, part])
+            shared = (sweep.marginal_log_density() - each.sum(axis=1)) / n
+            density[:, part] = each + shared[:, None]
+        return density
 
     def fingerprint(self) -> str:
         """Digest of data, priors, model, noise and versions: what must agree for a run to be resumed."""
@@ -614,7 +692,7 @@ class Posterior:
         for bases in self.discrepancy:
             for channel, basis in sorted(bases.items()):
                 digest.update(channel.encode())
-                digest.update(np.ascontiguousarray(basis.rows).tobytes())
+                digest.update(np.ascontiguousarray(basis.all_rows).tobytes())
         digest.update(f"{self.model.name} {self.model.channels} {self.noise.name}".encode())
         digest.update(repr(sorted(versions().items())).encode())
         return digest.hexdigest()
@@ -740,7 +818,7 @@ def build_posterior(
             )
     scales = RecordScales.of(records)
     facts = model.parameters(first.units)
-    noise_keys = {"growth", "temperature_sd", "discrepancy"}
+    noise_keys = {"growth", "temperature_sd", "discrepancy", "between_sweeps"}
     noise_keys |= {f.prior_key for n in NOISE_MODELS.values() for f in n.parameters("force", "N", "s")}
     priors.check_names(model.spoken_of(), noise_keys)
     parameters: list[Parameter] = [
@@ -755,7 +833,7 @@ def build_posterior(
         if longest_memory is not None:
             own = own.with_longest_memory(longest_memory[i], Steps.of(record).typical)
         bases = discrepancy[i] if discrepancy is not None else {}
-        places, sizes = {}, {}
+        places, sizes, between = {}, {}, {}
 
         def add(fact: ParameterSpec, record: Record = record, own: RecordScales = own) -> int:
             parameter = priors.parameter(fact.in_record(record.quantity), record.branch, own, noise=True)
@@ -768,8 +846,10 @@ def build_posterior(
             places[channel] = np.array([add(fact) for fact in facts_of_noise], dtype=np.intp)
             if channel in bases:
                 sizes[channel] = add(size_fact(channel, record.units[channel]))
+                if bases[channel].own is not None:
+                    between[channel] = add(between_sweeps_fact(channel, record.units[channel]))
         felt = add(temperature_sd_fact(record.units["temperature"])) if noise.feels_temperature else None
-        layout.append(ParameterIndex(shared, places, sizes, felt))
+        layout.append(ParameterIndex(shared, places, sizes, felt, between))
     own_bases = tuple(dict(b) for b in discrepancy) if discrepancy is not None else ()
     return Posterior(
         tuple(records), model, noise, ParameterSpace(tuple(parameters)), tuple(layout), own_bases

@@ -48,6 +48,10 @@ class Steps:
         dt = self.dt[~self.first]
         return float(np.median(dt[dt > 0.0])) if np.any(dt > 0.0) else 1.0
 
+    def part(self, samples: slice) -> Steps:
+        """Steps of some samples, the first of which starts a sweep."""
+        return Steps(self.first[samples], self.dt[samples], self.timed)
+
     @staticmethod
     def of(record: Record) -> Steps:
         """Steps of a record: a new memory starts with every segment."""

@@ -481,7 +481,9 @@ def missed_table(records: Sequence[RecordContent]) -> Table:
         "What the curves miss",
         "A smooth function of temperature beside the curve, kept apart from all that the parameters of the curve can "
         "do. Rms: root mean square over the samples. Largest: where its median is largest, with the temperature and "
-        "the share of the measured range. It is taken where it gains evidence: ln Bayes factor, at the warm start.",
+        "the share of the measured range. It is taken where it gains evidence: ln Bayes factor, at the warm start. "
+        "Between sweeps: root mean square of what a sweep has of its own beside it, where sweeps differ; the curve is "
+        "their mean then, and new readings are of a new sweep.",
         [
             (r, channel, m, None if m.rms is None else 0.1 * m.rms)
             for r in records
@@ -492,6 +494,10 @@ def missed_table(records: Sequence[RecordContent]) -> Table:
         (_UNIT, lambda r, channel, m, fine: unit_label(m.unit) or "1"),
         (Column("rms", "rms", OF_ROW), lambda r, channel, m, fine: Number(m.rms, m.unit, fine)),
         (Column("largest", "largest", OF_ROW), lambda r, channel, m, fine: Number(m.largest, m.unit, fine)),
+        (
+            Column("between sweeps", "between_sweeps", OF_ROW),
+            lambda r, channel, m, fine: Number(m.between_sweeps, m.unit, fine),
+        ),
         (
             Column("at temperature", "at"),
             lambda r, channel, m, fine: f"{write([m.at]).plain[0]} {unit_label(r.temperature_unit)}",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import csv
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any, Final
 
@@ -14,7 +14,7 @@ import numpy as np
 from sma_bayes.arrays import Floats
 from sma_bayes.checksum import KEY, netcdf_checksum
 from sma_bayes.errors import OutputError, first_of
-from sma_bayes.fitting.discrepancy import DiscrepancyBasis
+from sma_bayes.fitting.discrepancy import DiscrepancyBasis, SweepFunctions
 from sma_bayes.runs.documents import (
     CARD,
     COMPARISON,
@@ -29,7 +29,7 @@ from sma_bayes.runs.documents import (
     refuse_another,
 )
 from sma_bayes.runs.fit_document import FitSummary, read_fit
-from sma_bayes.runs.store import FUNCTIONS, NODE, WEIGHTS, unguarded_text
+from sma_bayes.runs.store import FUNCTIONS, NODE, OF_SWEEPS, WEIGHTS, unguarded_text
 
 BAND_COLUMNS: Final = ("q05", "q25", "q50", "q75", "q95", "pred_q05", "pred_q95")
 """Quantiles of a band that figures show."""
@@ -108,6 +108,8 @@ class StoredRecord:
     prior_temperature : ndarray, shape (m,)
     discrepancy : mapping of str to tuple of ndarray
         Channel to nodes (k,), values of the functions there (k, f), and weights (G N, f) of what the curve misses.
+    sweep_functions : mapping of str to ndarray
+        Channel to values at these nodes of the functions of what a sweep has of its own (k, q).
     """
 
     key: str
@@ -120,14 +122,17 @@ class StoredRecord:
     prior_curves: Mapping[str, Floats]
     prior_temperature: Floats
     discrepancy: Mapping[str, tuple[Floats, Floats, Floats]] = field(default_factory=dict)
+    sweep_functions: Mapping[str, Floats] = field(default_factory=dict)
 
     def bases(self) -> dict[str, DiscrepancyBasis]:
         """Basis of what each curve misses, by channel."""
         at = self.inputs["temperature"]
-        return {
-            c: DiscrepancyBasis.tabulated(nodes, values, at)
-            for c, (nodes, values, _) in self.discrepancy.items()
-        }
+        found = {}
+        for c, (nodes, values, _) in self.discrepancy.items():
+            own = self.sweep_functions.get(c)
+            apart = None if own is None else SweepFunctions.tabulated(nodes, own, self.inputs)
+            found[c] = replace(DiscrepancyBasis.tabulated(nodes, values, at), own=apart)
+        return found
 
 
 def posterior_path(folder: Path, key: str) -> Path:
@@ -334,6 +339,11 @@ def _read_record(path: Path, *, whole: bool) -> StoredRecord:
                 },
                 prior_temperature=np.asarray(prior["temperature"][:], dtype=float),
                 discrepancy=_discrepancy(constant, file["sample_stats"]),
+                sweep_functions={
+                    name.removesuffix(OF_SWEEPS): np.asarray(constant[name][:], dtype=float)
+                    for name in constant
+                    if name.endswith(OF_SWEEPS)
+                },
             )  # fmt: skip
     except _DAMAGED as error:
         raise OutputError(

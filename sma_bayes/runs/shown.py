@@ -178,7 +178,7 @@ def _of_parameter(name: str, p: ParameterSummary, r: RecordSummary, units: Shown
 
 def in_unit_of_channel(name: str, channel: str, role: str | None) -> bool:
     """Whether a parameter has the unit of its channel, alone or over that of temperature, also where that is 1."""
-    sizes = (f"{channel}_sd", f"{channel}_step", f"{channel}_discrepancy")
+    sizes = (f"{channel}_sd", f"{channel}_step", f"{channel}_discrepancy", f"{channel}_between_sweeps")
     return bool(channel) and (role in IN_UNIT_OF_CHANNEL or name in sizes)
 
 
@@ -226,7 +226,8 @@ def _record(r: RecordSummary, units: Shown) -> RecordSummary:
             for c, k in scaled(r.calibration, "offset", "offset_sd").items()
         },
         discrepancy={
-            c: m.but(at=degrees.value(m.at)) for c, m in scaled(r.discrepancy, "rms", "largest").items()
+            c: m.but(at=degrees.value(m.at))
+            for c, m in scaled(r.discrepancy, "rms", "largest", "between_sweeps").items()
         },
         nearest={
             n: in_unit(p, shown_as(p.unit, units, channel_name(r, p.channel) if of_channel(p) else ""))

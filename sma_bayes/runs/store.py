@@ -32,6 +32,8 @@ WEIGHTS, FUNCTIONS = "_discrepancy_weights", "_discrepancy_functions"
 """How the names of variables end that hold what a curve misses."""
 NODE, FUNCTION = "_discrepancy_node", "_discrepancy_function"
 """And those of their dimensions: temperatures between which natural cubic splines run, and numbers of functions."""
+OF_SWEEPS, OF_SWEEP = "_discrepancy_sweep_functions", "_discrepancy_sweep_function"
+"""How the name of the variable ends that holds functions of what a sweep has of its own, and that of its dimension."""
 PREDICTIVE_DRAWS = 125
 """Draws of each ensemble for which pointwise likelihood and replicated data are stored."""
 LARGEST = float(np.finfo(np.float32).max)
@@ -317,6 +319,11 @@ def _constants(fit: Fit, record: int, points: Mapping[str, Variable]) -> Variabl
     }
     values = {
         f"{c}{FUNCTIONS}": Variable((f"{c}{NODE}", f"{c}{FUNCTION}"), b.values) for c, b in bases.items()
+    }
+    owns = {c: b.own for c, b in bases.items() if b.own is not None}
+    coords |= axes(**{f"{c}{OF_SWEEP}": np.arange(own.values.shape[1]) for c, own in owns.items()})
+    values |= {
+        f"{c}{OF_SWEEPS}": Variable((f"{c}{NODE}", f"{c}{OF_SWEEP}"), own.values) for c, own in owns.items()
     }
     return VariableGroup({name: v for name, v in points.items() if name != "obs"} | values, coords)
 

@@ -9,7 +9,7 @@ import numpy as np
 
 from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.errors import OutputError
-from sma_bayes.fitting.discrepancy import size_fact
+from sma_bayes.fitting.discrepancy import between_sweeps_fact, size_fact
 from sma_bayes.fitting.fit import calibration_errors, calibrations_of
 from sma_bayes.fitting.posterior import ParameterIndex, Posterior
 from sma_bayes.noise import NOISE_MODELS
@@ -84,7 +84,7 @@ def _posterior(summary: RecordSummary, stored: StoredRecord) -> Posterior:
     noise = NOISE_MODELS[stored.noise]
     names = list(model.parameter_names)
     bases = stored.bases()
-    noises, sizes = {}, {}
+    noises, sizes, between = {}, {}, {}
     for channel in record.channels:
         facts = noise.parameters(channel, record.units[channel], record.units.get("time", "s"))
         noises[channel] = len(names) + np.arange(len(facts))
@@ -92,12 +92,15 @@ def _posterior(summary: RecordSummary, stored: StoredRecord) -> Posterior:
         if channel in bases:
             sizes[channel] = len(names)
             names.append(size_fact(channel, record.units[channel]).name)
+            if bases[channel].own is not None:
+                between[channel] = len(names)
+                names.append(between_sweeps_fact(channel, record.units[channel]).name)
     felt = None
     if noise.feels_temperature:
         felt = len(names)
         names.append(temperature_sd_fact(record.units["temperature"]).name)
     space = ParameterSpace(tuple(_parameter(n, summary.parameters[n]) for n in names))
-    place = ParameterIndex(np.arange(len(model.parameter_names)), noises, sizes, felt)
+    place = ParameterIndex(np.arange(len(model.parameter_names)), noises, sizes, felt, between)
     return Posterior((record,), model, noise, space, (place,), (bases,))
 
 

@@ -34,6 +34,7 @@ from threadpoolctl import threadpool_limits
 from sma_bayes.account import Account
 from sma_bayes.arrays import Floats, Ints
 from sma_bayes.assess.draws import RecordDraws
+from sma_bayes.assess.held_out import own_of
 from sma_bayes.assess.rank_uniformity import FALSE_ALARMS, places, rejected, uniformity
 from sma_bayes.errors import OutputError, SmaBayesError, many
 from sma_bayes.fitting.discrepancy import DiscrepancyBasis
@@ -181,7 +182,9 @@ def augmented(posterior: Posterior, observed: dict[str, Floats]) -> Posterior:
         row=np.concatenate([record.row, record.row]),
     )
     bases = {
-        c: DiscrepancyBasis(b.temperature, b.values, np.concatenate([b.rows, b.rows], axis=1))
+        c: DiscrepancyBasis(
+            b.temperature, b.values, np.concatenate([b.rows, b.rows], axis=1), own_of(b, both)
+        )
         for c, b in posterior.discrepancy[0].items()
     }
     return posterior.on([both], discrepancy=[bases])

@@ -159,7 +159,7 @@ def _parameters(fit: Fit, record: int) -> dict[str, ParameterSummary]:
     out = {}
     parts = dict(zip(place.model.tolist(), _parts(fit.posterior.model), strict=True))
     parts |= {int(k): (channel, NOISE) for channel, at in place.noise.items() for k in at}
-    parts |= {k: (channel, NOISE) for channel, k in place.size.items()}
+    parts |= {k: (channel, NOISE) for sizes in (place.size, place.between) for channel, k in sizes.items()}
     if place.temperature_sd is not None:
         parts[place.temperature_sd] = ("temperature", NOISE)
     for i, (channel, role) in parts.items():

@@ -46,7 +46,7 @@ def _described(record: Record) -> InspectedRecord:
     priors = RESPONSE_MODELS[DEFAULT_MODEL].default_priors()
     posterior = build_posterior([record], NOISE_MODELS["independent"], priors)
     start = warm_start(posterior, np.random.default_rng(0))
-    choice = choose_noise(posterior, start, priors)
+    choice = choose_noise(posterior, start, priors, sweeps=True)
     return InspectedRecord.about(
         record,
         condition=record.condition.id,

@@ -117,7 +117,7 @@ def _learnt(draws: RecordDraws, channel: str, deviations: Deviations) -> Floats:
     theta = np.median(before_calibration(draws), axis=0)[None]
     weights = ({c: w.mean(axis=0)[None] for c, w in draws.weights.items()},) if draws.weights else ()
     with np.errstate(all="ignore"):
-        innovation = posterior.residuals(theta, weights)[0][channel][0]
+        innovation = posterior.residuals(theta, weights, of_sweeps=True)[0][channel][0]
         relative = posterior.moments_of_noise(theta[0], 0)[1][channel]
     scale = theta[0, posterior.layout[0].noise[channel][0]] * relative
     rows = USUAL_SCATTER[:, None] * deviations.rows(record.temperature) / scale

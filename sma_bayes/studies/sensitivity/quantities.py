@@ -96,7 +96,8 @@ def _parameters(draws: RecordDraws) -> Iterator[QuantityDraws]:
     posterior = draws.posterior
     facts = {f.name: f for f in posterior.model.facts}
     noise = {int(i): c for c, at in posterior.layout[0].noise.items() for i in at}
-    noise |= {i: c for c, i in posterior.layout[0].size.items()}
+    for sizes in (posterior.layout[0].size, posterior.layout[0].between):
+        noise |= {i: c for c, i in sizes.items()}
     curve = set(posterior.layout[0].model.tolist())
     for i, p in enumerate(posterior.space.parameters):
         if p.fixed is not None:

@@ -403,4 +403,5 @@ class Spring:
                 rng, posterior.noise_shape(draws.theta, 0, name), Steps.apart(clean.shape[1])
             )
             noises[branch] = series * posterior.noise_scale(draws.theta, 0, name, clean)
+            noises[branch] = noises[branch] + posterior.of_new_sweeps(rng, draws.theta, 0, name, temperature)
         return np.asarray(clean + np.where(state.heating, noises[Branch.HEATING], noises[Branch.COOLING]))

@@ -189,7 +189,7 @@ def test_planted_scatter_is_found_and_none_where_there_is_none(
             assert told["shift"] < 0.15
             assert told["offset"] < 0.01
     one = replace(base, inputs={**inputs, "segment": np.zeros(base.n)}, observed={"force": force})
-    alone = replace(draws, posterior=draws.posterior.on([one]))
+    alone = replace(draws, posterior=draws.posterior.on([one]), weights={})
     assert scatter_of(alone, "none")["force"].sd.max() == 0.0
     np.testing.assert_array_equal(scatter_of(alone, "usual")["force"].sd, USUAL_SCATTER)
 
