@@ -22,7 +22,7 @@ from sma_bayes.records.types import Branch, Record
 from sma_bayes.response import AUTO_MODEL
 from sma_bayes.runs.documents import MARK
 from sma_bayes.runs.fit_document import RecordSummary
-from sma_bayes.runs.jobs import by_the_clock, run
+from sma_bayes.runs.jobs import WORTH_S, by_the_clock, run
 from sma_bayes.runs.outputs import band_path
 from sma_bayes.runs.store import write_csv, write_posterior
 from sma_bayes.sampling.moves import SAMPLERS
@@ -34,10 +34,6 @@ from sma_bayes.studies.options import DEFAULT_SAMPLER, FitOptions, models_of, pl
 WHOLE_CONDITIONS = 20
 """Number of conditions from which on a task is a condition with its branches. With fewer, a branch is a task: that
 keeps more processes busy, but sends all draws to the process that joins the branches."""
-
-LIGHT = 1000
-"""Samples up to which a fit hardly takes longer than to start a process for it."""
-
 
 OF_A_RECORD_S, OF_A_CURVE_S, OF_SAMPLES_S = 0.1, 1.0, 2e-4
 """Processor time of a record: a constant, that of a curve where several are tried, and what grows with the square of
@@ -61,10 +57,10 @@ class FitTask:
 
     @property
     def light(self) -> bool:
-        """Whether it hardly takes longer than to start a process for it."""
+        """Whether it is not expected to be worth a process of its own."""
         o = self.options
         plain = o.plan.sampler == SAMPLERS[DEFAULT_SAMPLER] and o.model != AUTO_MODEL
-        return plain and sum(r.n for r in self.records) <= LIGHT
+        return plain and _alone_s(self.records, o) <= WORTH_S
 
 
 @dataclass(frozen=True, eq=False)
@@ -118,12 +114,14 @@ def expected_s(groups: Sequence[tuple[Record, ...]], options: FitOptions, jobs: 
     jobs : int, optional
         See `run`.
     """
-    each = []
-    for group in groups:
-        curves, samples = len(models_of(group, options)), sum(r.n for r in group)
-        constant = OF_A_CURVE_S if curves > 1 else OF_A_RECORD_S
-        each.append(curves * (constant + OF_SAMPLES_S * samples**2))
-    return by_the_clock(each, jobs)
+    return by_the_clock([_alone_s(group, options) for group in groups], jobs)
+
+
+def _alone_s(group: Sequence[Record], options: FitOptions) -> float:
+    """What one fit is expected to take by itself [s]."""
+    curves, samples = len(models_of(group, options)), sum(r.n for r in group)
+    constant = OF_A_CURVE_S if curves > 1 else OF_A_RECORD_S
+    return curves * (constant + OF_SAMPLES_S * samples**2)
 
 
 def fitted(

@@ -13,7 +13,7 @@ from sma_bayes.records.types import Record
 from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL
 from sma_bayes.runs.documents import FIT
 from sma_bayes.studies.fit import workflow
-from sma_bayes.studies.fit.tasks import expected_s
+from sma_bayes.studies.fit.tasks import expected_s, tasks_of
 from sma_bayes.studies.options import FitOptions, models_of, prior_set
 from sma_bayes.studies.run_context import RunContext
 
@@ -30,6 +30,13 @@ def test_it_grows_with_samples_and_curves_and_is_shared_among_processes(
     assert expected_s([many], AUTO, 1) == pytest.approx(curves * expected_s([many], PLAIN, 1), rel=0.1)
     assert expected_s([few, few], PLAIN, 2) == pytest.approx(expected_s([few], PLAIN, 2))
     assert expected_s([], PLAIN, 2) == 0.0
+
+
+def test_records_that_take_long_are_worth_processes(make_record: Callable[..., Record]) -> None:
+    """Two branches of 300 readings would be fitted one after the other else, and the second be waited for."""
+    few, many = ((make_record(("force",), n=n),) for n in (100, 300))
+    assert [t.light for t in tasks_of([few, many], PLAIN, None)] == [True, False]
+    assert [t.light for t in tasks_of([few], AUTO, None)] == [False]
 
 
 @pytest.mark.parametrize(
