@@ -194,7 +194,7 @@ def test_pipeline(outcome: Callable[[str], dict[str, Any]]) -> None:
     assert after["summary"]["adequate"]
     assert not Path("broken").exists()
     assert "'force_N'" in after["wrong"].stderr
-    assert "MeasurementError | broken.csv | force_N" in after["printed"]
+    assert "ReadingError | broken.csv | force_N" in after["printed"]
     assert after["same"]
     assert [step["exit_status"] for step in after["document"]["steps"]] == [1, 0, 0]
     assert "adequate: False" in after["printed"]
