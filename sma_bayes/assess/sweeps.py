@@ -224,34 +224,31 @@ def _innovations(posterior: Posterior, theta: Floats, weights: Weights, record: 
 def _tangents(fit: Fit, record: int) -> dict[str, Floats]:
     """What a change of each free parameter of the curve does to innovations, at the median: channel to (p, n)."""
     posterior, r = fit.posterior, fit.records[record]
-    place, steps = posterior.layout[record], posterior.steps[record]
-    theta = np.median(fit.flat, axis=0)
-    free = posterior.sampled_model
+    theta, free = np.median(fit.flat, axis=0), posterior.sampled_model
     with np.errstate(all="ignore"):
-        slopes = posterior.model.jacobian(theta[place.model], r.inputs)
-        _, relative = posterior.moments_of_noise(theta, record)
-        out = {}
-        for channel, at in place.noise.items():
-            rows = slopes[channel][:, free].T / (theta[at[0]] * relative[channel])
-            shape = np.repeat(posterior.noise_shape(theta[None], record, channel), len(rows), axis=0)
-            out[channel] = posterior.noise.decorrelate(rows, shape, steps)
-    return out
+        slopes = posterior.model.jacobian(theta[posterior.layout[record].model], r.inputs)
+    return _as_innovations(fit, record, {c: slopes[c][:, free].T for c in posterior.layout[record].noise})
 
 
 def _of_its_own(fit: Fit, record: int) -> dict[str, Floats]:
     """What functions of a sweep alone, of unit size, do to innovations at the median: channel to (q, n)."""
+    bases = fit.posterior.discrepancy[record]
+    rows = {c: basis.own.samples for c, basis in bases.items() if basis.own is not None}
+    return _as_innovations(fit, record, rows) if rows else {}
+
+
+def _as_innovations(fit: Fit, record: int, rows: Mapping[str, Floats]) -> dict[str, Floats]:
+    """Series (k, n) of channels as the noise at the median has them: over its scale, without its memory."""
     posterior = fit.posterior
     place, steps = posterior.layout[record], posterior.steps[record]
     theta = np.median(fit.flat, axis=0)
+    out = {}
     with np.errstate(all="ignore"):
         _, relative = posterior.moments_of_noise(theta, record)
-        out = {}
-        for channel in place.between:
-            own = posterior.discrepancy[record][channel].own
-            assert own is not None  # a size stands for it
-            rows = own.samples / (theta[place.noise[channel][0]] * relative[channel])
-            shape = np.repeat(posterior.noise_shape(theta[None], record, channel), len(rows), axis=0)
-            out[channel] = posterior.noise.decorrelate(rows, shape, steps)
+        for channel, own in rows.items():
+            scaled = own / (theta[place.noise[channel][0]] * relative[channel])
+            shape = np.repeat(posterior.noise_shape(theta[None], record, channel), len(own), axis=0)
+            out[channel] = posterior.noise.decorrelate(scaled, shape, steps)
     return out
 
 

@@ -71,30 +71,33 @@ SIZES = np.linspace(-2.5, 2.5, 41)
 
 def size_fact(channel: str, unit: str) -> ParameterSpec:
     """The size of the discrepancy of a channel, a parameter beside those of its noise."""
-    return ParameterSpec(
-        f"{channel}_discrepancy",
-        unit,
-        f"root mean square of what the curve of {QUANTITY} misses",
+    return _size_of(
         "discrepancy",
         channel,
-        positive=True,
-        prior={
-            "family": "lognormal",
-            "median": MEDIAN_SIZE,
-            "sigma": SIGMA_OF_SIZE,
-            "relative_to": "span(channel)",
-            "source": "curves of real specimens miss by 0.3 to 3 % of the range; 90 % between 0.08 and 12 %",
-        },
+        unit,
+        f"root mean square of what the curve of {QUANTITY} misses",
+        "curves of real specimens miss by 0.3 to 3 % of the range; 90 % between 0.08 and 12 %",
     )
 
 
 def between_sweeps_fact(channel: str, unit: str) -> ParameterSpec:
     """How much sweeps of a channel differ, a parameter beside the size of its discrepancy."""
-    return ParameterSpec(
-        f"{channel}_between_sweeps",
+    return _size_of(
+        "between_sweeps",
+        channel,
         unit,
         f"root mean square of what a sweep has of its own in {QUANTITY}",
-        "between_sweeps",
+        "cycles of trained specimens repeat within 0.1 %, first cycles differ by 10 % of the range",
+    )
+
+
+def _size_of(role: str, channel: str, unit: str, meaning: str, source: str) -> ParameterSpec:
+    """A size of something beside the curve, relative to the span of the channel a priori."""
+    return ParameterSpec(
+        f"{channel}_{role}",
+        unit,
+        meaning,
+        role,
         channel,
         positive=True,
         prior={
@@ -102,7 +105,7 @@ def between_sweeps_fact(channel: str, unit: str) -> ParameterSpec:
             "median": MEDIAN_SIZE,
             "sigma": SIGMA_OF_SIZE,
             "relative_to": "span(channel)",
-            "source": "cycles of trained specimens repeat within 0.1 %, first cycles differ by 10 % of the range",
+            "source": source,
         },
     )
 

@@ -152,9 +152,7 @@ def choose_noise(
         apart = residuals.with_sweeps_apart()
         if apart is not None:
             other, of_other = _chosen(apart, noise)
-            if any(b.own is not None for own in other.bases for b in own.values()) and (
-                of_other > supported + EARNED
-            ):
+            if _sweeps_apart(other.bases) and of_other > supported + EARNED:
                 return other
     return choice
 
@@ -193,7 +191,7 @@ def _chosen(residuals: _Residuals, noise: str | None) -> tuple[NoiseChoice, floa
         best = max(names, key=lambda n: look(n).supported - EARNED * _features(NOISE_MODELS[n]))
         signs = signs.joined(residuals.signs(look(best)))
         for suffix, sign in (("growing", signs.growth), ("temperature_error", signs.slope)):
-            if not sign or residuals.apart:
+            if not sign or _sweeps_apart(residuals.bases):
                 continue
             series, *others = best.split("+")
             extended = "+".join([series, *others, suffix])
@@ -302,7 +300,7 @@ def _reason(
     if taken:
         gains = ", ".join(f"{description.gain[c]:.1f} ({quantity(c)})" for c in taken)
         beside = "a smooth discrepancy beside the curve"
-        if any(b.own is not None for bases in description.bases for b in bases.values()):
+        if _sweeps_apart(description.bases):
             beside += ", and what each sweep has of its own,"
         parts.append(f"{beside} gains {gains} in ln evidence")
         if NOISE_MODELS[name].autocorrelated and others and rivals[name] - others[0][0] < EARNED:
@@ -327,6 +325,11 @@ class _Description:
         """The evidence less what a discrepancy must earn before another noise model: as much as a memory."""
         gained = sum(g for g in self.gain.values() if np.isfinite(g)) if any(self.bases) else 0.0
         return self.ln_evidence - min(EARNED, gained)
+
+
+def _sweeps_apart(bases: Sequence[Mapping[str, DiscrepancyBasis]]) -> bool:
+    """Whether sweeps have something of their own beside any discrepancy."""
+    return any(basis.own is not None for own in bases for basis in own.values())
 
 
 @dataclass(frozen=True, slots=True)
@@ -392,7 +395,6 @@ class _Residuals:
             for r, m in zip(posterior.records, self.moments, strict=True)
         ]
         self.quiet = [quiet(r, m) for r, m in zip(posterior.records, self.moments, strict=True)]
-        self.apart = False  # whether sweeps have something of their own
         self.bases: Bases = tuple({} for _ in posterior.records)
         if discrepancy:
             self.bases = discrepancy_bases(posterior, theta)
@@ -414,10 +416,10 @@ class _Residuals:
                     basis, own=SweepFunctions.of(record.inputs, basis.temperature, *tangents)
                 )
             bases.append(found)
-        if all(b.own is None for own in bases for b in own.values()):
+        if not _sweeps_apart(bases):
             return None
         other = copy(self)
-        other.bases, other.apart = tuple(bases), True
+        other.bases = tuple(bases)
         return other
 
     def signs(self, description: _Description) -> _Signs:
