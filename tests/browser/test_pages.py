@@ -15,6 +15,7 @@ from typing import Any, TextIO
 
 import numpy as np
 import pytest
+from PIL import Image
 
 from sma_bayes import compare, fit_campaign, modulus, study_gap
 from sma_bayes.paper.twin import twin_campaign
@@ -280,6 +281,24 @@ def test_a_dark_page_is_dark(report: Path, tmp_path: Path) -> None:
     )
     assert brightness(light["paper"]) > brightness(light["ink"]) + 400
     assert brightness(dark["ink"]) > brightness(dark["paper"]) + 400
+
+
+def bright_share(page: Path, place: Path, scheme: int) -> float:
+    """Share of a page that is nearly white, as the browser shows it."""
+    shot = place / f"shot-{scheme}.png"
+    browser(
+        "--hide-scrollbars", "--window-size=1400,9000", f"--screenshot={shot}",
+        f"--blink-settings=preferredColorScheme={scheme}", page.as_uri(),
+    )  # fmt: skip
+    with Image.open(shot) as picture:
+        pixels = np.asarray(picture.convert("RGB"))
+    return float((pixels.min(axis=-1) > 225).mean())
+
+
+def test_figures_of_a_dark_page_are_dark(report: Path, tmp_path: Path) -> None:
+    light, dark = (bright_share(report, tmp_path, scheme) for scheme in (1, 0))
+    assert light > 0.7
+    assert dark < 0.02, "letters and lines alone are bright"
 
 
 def test_a_printed_page_has_no_more_pages_than_it_needs(report: Path, tmp_path: Path) -> None:

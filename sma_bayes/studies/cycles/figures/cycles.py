@@ -77,7 +77,7 @@ def curves_figure(stored: StoredCycles, number: int) -> Drawing:
     heading(figure, f"{one.condition}: curves by cycle", "")
     figure.text(
         0.1 / figure.get_figwidth(), 1.0 - 0.3 / figure.get_figheight(), va="top", fontsize=7.0, color="#555555",
-        s=f"dark to light: cycles {one.cycles[0]} to {last}; dashed with 90 % band: cycle {one.cycles[-1]}, forecast",
+        s=f"violet to green: cycles {one.cycles[0]} to {last}; dashed with 90 % band: cycle {one.cycles[-1]}, forecast",
     )  # fmt: skip
     caption = (
         f"Median curve of each measured cycle of {one.condition}, and of cycle {one.cycles[-1]} as it is forecast, "

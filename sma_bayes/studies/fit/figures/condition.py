@@ -83,7 +83,7 @@ def loop_figure(condition: str, branches: Sequence[BranchData]) -> Drawing:
         stem=f"loop-{condition}",
         caption=(
             f"{condition}: {names} against temperature, {what}. Points: measurements. Line: posterior median of the "
-            "curve. Dark and light band: pointwise equal-tailed 50 % and 90 % credible intervals of the curve. "
+            "curve. Inner and outer band: pointwise equal-tailed 50 % and 90 % credible intervals of the curve. "
             "Dotted lines: 90 % predictive interval of a new measurement. Below: the same with the median taken off."
             + (f" {channels[-1].name.capitalize()} is derived from the others." if _derived(channels) else "")
             + (
@@ -160,7 +160,7 @@ def overview_figure(channel: str, conditions: Mapping[str, Sequence[BranchData]]
         stem=numbered(f"overview-{found.channel}", number),
         caption=(
             f"{found.name.capitalize()} against temperature, condition by condition. Line: posterior median of the "
-            "curve; dark and light band: pointwise equal-tailed 50 % and 90 % credible intervals; points: "
+            "curve; inner and outer band: pointwise equal-tailed 50 % and 90 % credible intervals; points: "
             "measurements."
             + (" Each panel has its own axes." if len(conditions) > 1 else "")
             + (

@@ -59,7 +59,7 @@ def publication_figure(condition: str, branches: Sequence[BranchData], width: fl
     return Drawing(
         stem=f"loop-{condition}",
         caption=(
-            f"{condition}: {names} against temperature. Points: measurements; line: posterior median; dark and light "
+            f"{condition}: {names} against temperature. Points: measurements; line: posterior median; inner and outer "
             "band: 50 % and 90 % credible intervals of the curve; dotted: 90 % predictive interval."
         ),
         alt=f"{names} against temperature for condition {condition}",

@@ -92,7 +92,7 @@ def truth_figure(known: Sequence[KnownTruth], conditions: Mapping[str, Sequence[
         stem="truth",
         caption=(
             "Force, displacement and stiffness of the simulated spring: what it truly did at the temperature that it "
-            "truly had (dashed), and what the fit says. Line: posterior median; dark and light band: pointwise "
+            "truly had (dashed), and what the fit says. Line: posterior median; inner and outer band: pointwise "
             "equal-tailed 50 % and 90 % credible intervals; points: measurements, at the temperature that was read."
         ),
         alt="true curves of the simulated spring on top of the credible bands, a panel for each channel and condition",

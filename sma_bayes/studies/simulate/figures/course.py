@@ -83,7 +83,7 @@ def course_figure(stored: StoredSimulation, condition: str) -> Drawing:
         stem=f"course-{condition}",
         caption=(
             f"{condition}: current, and temperature, {', '.join(first.names[c] for c in channels[1:])} that it makes. "
-            "Lines are medians, dark bands hold 90 % of the curve, light ones 90 % of another run."
+            "Lines are medians, inner bands hold 90 % of the curve, outer ones 90 % of another run."
         ),
         alt=f"current, temperature and response of {condition} in time, with bands",
         figure=figure,
