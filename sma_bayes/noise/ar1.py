@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sma_bayes.arrays import Floats
-from sma_bayes.noise.base import NoiseModel, Steps, sd_fact, weighted_products
+from sma_bayes.noise.base import NoiseModel, Steps, pair_products, sd_fact, symmetric
 from sma_bayes.normal import HALF_LN_2PI
 from sma_bayes.parameters.space import QUANTITY, ParameterSpec
 
@@ -108,7 +108,8 @@ class MemoryNoise(NoiseModel):
             cross = phi * own
             own[..., :-1] += (phi * cross)[..., 1:]
         before = np.concatenate([np.zeros((len(rows), 1)), rows[:, :-1]], axis=1)
-        return weighted_products(own, rows) - weighted_products(cross, rows, before)
+        now, with_before = pair_products(rows, rows), pair_products(rows, before) + pair_products(before, rows)
+        return symmetric(np.hstack([own, -cross]) @ np.hstack([now, with_before]).T, len(rows))
 
     def draw(self, rng: np.random.Generator, shape: Floats, steps: Steps) -> Floats:
         phi = self.phi(shape, steps)

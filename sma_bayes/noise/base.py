@@ -337,27 +337,23 @@ class OfSeries(NoiseModel):
         return self.series.correlate(innovation, shape, steps)
 
 
-def weighted_products(weight: Floats, rows: Floats, before: Floats | None = None) -> Floats:
-    """Sums over samples of weights times products of rows, which are the same for all weights.
+def weighted_products(weight: Floats, rows: Floats) -> Floats:
+    """Sums over samples of weights (W, n) times products of rows (m, n), the same for all weights; shape (W, m, m)."""
+    return symmetric(weight @ pair_products(rows, rows).T, len(rows))
 
-    Parameters
-    ----------
-    weight : ndarray, shape (W, n)
-    rows : ndarray, shape (m, n)
-    before : ndarray, shape (m, n), optional
-        Rows by which they are multiplied, in both orders; by default themselves, once.
 
-    Returns
-    -------
-    ndarray, shape (W, m, m)
-        Symmetric.
-    """
-    m = len(rows)
+def pair_products(a: Floats, b: Floats) -> Floats:
+    """Products ``a[i] b[j]`` of the rows of two arrays (m, n) with ``i <= j``, shape (m(m + 1)/2, n)."""
+    i, j = np.triu_indices(len(a))
+    return np.asarray(a[i] * b[j])
+
+
+def symmetric(upper: Floats, m: int) -> Floats:
+    """Symmetric matrices (W, m, m) of their upper triangles (W, m(m + 1)/2), row by row."""
     i, j = np.triu_indices(m)
     place = np.empty((m, m), dtype=np.intp)
     place[i, j] = place[j, i] = np.arange(i.size)
-    products = rows[i] * rows[j] if before is None else rows[i] * before[j] + rows[j] * before[i]
-    return np.asarray((weight @ products.T)[:, place])
+    return np.take(upper, place.ravel(), axis=1).reshape(-1, m, m)
 
 
 def lag1(residual: Floats, first: NDArray[np.bool_]) -> Floats:
