@@ -22,8 +22,9 @@ from scipy.special import logsumexp
 
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.correlation import Agreement, agreement
-from sma_bayes.fitting.discrepancy import SWEEP, DiscrepancyBasis, SweepFunctions, sweeps_of, turned
+from sma_bayes.fitting.discrepancy import DiscrepancyBasis, turned
 from sma_bayes.fitting.posterior import Posterior, Weights
+from sma_bayes.fitting.sweep_functions import SWEEP, SweepFunctions, sweeps_of
 from sma_bayes.records.types import Record
 from sma_bayes.sampling.importance import WeightedDraws, importance_draws
 from sma_bayes.sampling.pareto import RELIABLE, smoothed_weights

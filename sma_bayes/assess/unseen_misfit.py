@@ -22,7 +22,7 @@ from typing import Final
 import numpy as np
 
 from sma_bayes.assess.draws import RecordDraws
-from sma_bayes.fitting.discrepancy import weights_given_residuals
+from sma_bayes.fitting.discrepancy_weights import weights_given_residuals
 from sma_bayes.fitting.noise_choice import discrepancy_bases
 
 SMOOTHER: Final = 3

@@ -18,15 +18,15 @@ import numpy as np
 from sma_bayes.arrays import Bools, Floats
 from sma_bayes.fitting.discrepancy import (
     DiscrepancyBasis,
-    SweepFunctions,
-    Whitened,
     between_sweeps_fact,
     build_basis,
     nodes_of,
     size_fact,
 )
+from sma_bayes.fitting.discrepancy_weights import Whitened
 from sma_bayes.fitting.expected_response import fitted_moments, quiet
 from sma_bayes.fitting.posterior import Posterior, build_posterior
+from sma_bayes.fitting.sweep_functions import SweepFunctions
 from sma_bayes.fitting.warm_start import WarmStart
 from sma_bayes.noise import NOISE_MODELS, NoiseModel, Steps
 from sma_bayes.noise.base import lag1

@@ -15,8 +15,9 @@ from dataclasses import dataclass
 import numpy as np
 
 from sma_bayes.arrays import Bools, Floats, Ints
-from sma_bayes.fitting.discrepancy import SweepFunctions, safe_cholesky
+from sma_bayes.fitting.discrepancy_weights import safe_cholesky
 from sma_bayes.fitting.posterior import Posterior
+from sma_bayes.fitting.sweep_functions import SweepFunctions
 from sma_bayes.noise import Steps
 
 

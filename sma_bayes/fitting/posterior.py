@@ -34,13 +34,9 @@ from numpy.typing import NDArray
 from sma_bayes.arrays import Floats
 from sma_bayes.batches import batches
 from sma_bayes.errors import PriorError
-from sma_bayes.fitting.discrepancy import (
-    DiscrepancyBasis,
-    SweepFunctions,
-    Whitened,
-    between_sweeps_fact,
-    size_fact,
-)
+from sma_bayes.fitting.discrepancy import DiscrepancyBasis, between_sweeps_fact, size_fact
+from sma_bayes.fitting.discrepancy_weights import Whitened
+from sma_bayes.fitting.sweep_functions import SweepFunctions
 from sma_bayes.noise import NOISE_MODELS, NoiseModel, Steps
 from sma_bayes.noise.heteroscedastic import temperature_sd_fact
 from sma_bayes.parameters.priors_file import PriorSet

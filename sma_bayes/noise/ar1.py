@@ -108,7 +108,10 @@ class MemoryNoise(NoiseModel):
             cross = phi * own
             own[..., :-1] += (phi * cross)[..., 1:]
         before = np.concatenate([np.zeros((len(rows), 1)), rows[:, :-1]], axis=1)
-        now, with_before = pair_products(rows, rows), pair_products(rows, before) + pair_products(before, rows)
+        now, with_before = (
+            pair_products(rows, rows),
+            pair_products(rows, before) + pair_products(before, rows),
+        )
         return symmetric(np.hstack([own, -cross]) @ np.hstack([now, with_before]).T, len(rows))
 
     def draw(self, rng: np.random.Generator, shape: Floats, steps: Steps) -> Floats:

@@ -14,7 +14,8 @@ import numpy as np
 from sma_bayes.arrays import Floats
 from sma_bayes.checksum import KEY, netcdf_checksum
 from sma_bayes.errors import OutputError, first_of
-from sma_bayes.fitting.discrepancy import DiscrepancyBasis, SweepFunctions
+from sma_bayes.fitting.discrepancy import DiscrepancyBasis
+from sma_bayes.fitting.sweep_functions import SweepFunctions
 from sma_bayes.runs.documents import (
     CARD,
     COMPARISON,

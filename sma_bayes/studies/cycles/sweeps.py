@@ -30,13 +30,8 @@ from scipy.signal import lfilter
 from sma_bayes.arrays import Bools, Floats, Ints
 from sma_bayes.assess.transformation import tangents
 from sma_bayes.errors import MeasurementError
-from sma_bayes.fitting.discrepancy import (
-    DiscrepancyBasis,
-    WeightsGivenResiduals,
-    build_basis,
-    nodes_of,
-    weights_given_residuals,
-)
+from sma_bayes.fitting.discrepancy import DiscrepancyBasis, build_basis, nodes_of
+from sma_bayes.fitting.discrepancy_weights import WeightsGivenResiduals, weights_given_residuals
 from sma_bayes.fitting.posterior import build_posterior
 from sma_bayes.fitting.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS

@@ -7,14 +7,8 @@ import pytest
 from scipy import stats
 from scipy.special import logsumexp
 
-from sma_bayes.fitting.discrepancy import (
-    NODES,
-    DiscrepancyBasis,
-    Whitened,
-    build_basis,
-    nodes_of,
-    safe_cholesky,
-)
+from sma_bayes.fitting.discrepancy import NODES, DiscrepancyBasis, build_basis, nodes_of
+from sma_bayes.fitting.discrepancy_weights import Whitened, safe_cholesky
 from sma_bayes.noise import NOISE_MODELS, Steps
 
 N = 40

@@ -11,11 +11,13 @@ from scipy.stats import multivariate_normal
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.bands import credible_band
 from sma_bayes.assess.held_out import own_of, part
-from sma_bayes.fitting.discrepancy import MOST_SWEEPS, DiscrepancyBasis, SweepFunctions, Whitened, sweeps_of
+from sma_bayes.fitting.discrepancy import DiscrepancyBasis
+from sma_bayes.fitting.discrepancy_weights import Whitened
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.fit_records import fit_records
 from sma_bayes.fitting.normal_equations import NormalEquations
 from sma_bayes.fitting.posterior import build_posterior
+from sma_bayes.fitting.sweep_functions import MOST_SWEEPS, SweepFunctions, sweeps_of
 from sma_bayes.noise import NOISE_MODELS, Steps
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.types import Branch, Condition, Record

@@ -1,0 +1,125 @@
+"""What each sweep of a record has of its own beside the curve that all share.
+
+Sweeps of one record need not repeat each other: training, a grip that slips, an ambient that drifts. What a sweep has
+of its own is a small change of the parameters of its curve, along their tangents, independent from sweep to sweep
+(`SweepFunctions`). Its size is a parameter. The curve is that of the mean over sweeps, as sure as so many of them make
+it: functions that the curve's own shape does not consist of would leave it as sure as all readings, by what it has and
+they have not. A new reading is one of a new sweep.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.interpolate import CubicSpline
+
+from sma_bayes.arrays import Floats, Ints
+
+MOST_SWEEPS = 48
+"""Sweeps of a record, at most, that may have something of their own."""
+HARDLY_TOLD = 1e-6
+"""Part of the greatest of what parameters do to the samples that is rounding."""
+SWEEP = "sweep"
+"""Input of a part of a record: the segment of the whole one that each sample is from."""
+
+
+@dataclass(frozen=True, eq=False)
+class SweepFunctions:
+    """What a sweep may have of its own, in one channel of one record: changes of offset, stroke, midpoint, rate.
+
+    Orthogonal combinations of the tangents of the curve, all of one size.
+
+    Attributes
+    ----------
+    temperature : ndarray, shape (G,)
+        Nodes, ascending.
+    values : ndarray, shape (G, q)
+        Functions there; natural cubic splines through them.
+    samples : ndarray, shape (q, n)
+        Functions at the samples of the record, of a mean square over them that is one for all together.
+    sweep : ndarray of int, shape (n,)
+        Which sweep each sample belongs to, from 0.
+    """
+
+    temperature: Floats
+    values: Floats
+    samples: Floats
+    sweep: Ints
+
+    @staticmethod
+    def of(
+        inputs: Mapping[str, Floats], nodes: Floats, tangents: Floats, tangents_at_nodes: Floats
+    ) -> SweepFunctions | None:
+        """Those of samples of 2 to `MOST_SWEEPS` sweeps; None of others, and where no parameter does anything.
+
+        Parameters
+        ----------
+        inputs : mapping of str to ndarray, shape (n,)
+            Of the samples.
+        nodes : ndarray, shape (G,)
+            Temperatures, ascending.
+        tangents, tangents_at_nodes : ndarray, shape (n, p) and (G, p)
+            Derivatives of the response with respect to the parameters of the curve, at samples and nodes.
+        """
+        if not 2 <= int(sweeps_of(inputs).max(initial=0)) + 1 <= MOST_SWEEPS:
+            return None
+        scale = np.abs(tangents).max(axis=0)
+        usable = np.isfinite(scale) & (scale > 0.0) & np.isfinite(tangents_at_nodes).all(axis=0)
+        _, singular, axes = np.linalg.svd(tangents[:, usable] / scale[usable], full_matrices=False)
+        kept = singular > HARDLY_TOLD * singular.max(initial=0.0)
+        if not kept.any():
+            return None
+        turned_by = axes[kept].T / singular[kept] * np.sqrt(len(tangents) / kept.sum())
+        return SweepFunctions.tabulated(
+            nodes, tangents_at_nodes[:, usable] / scale[usable] @ turned_by, inputs
+        )
+
+    @staticmethod
+    def tabulated(nodes: Floats, values: Floats, inputs: Mapping[str, Floats]) -> SweepFunctions:
+        """Functions from their values (G, q) at nodes (G,), for samples with these inputs."""
+        no_samples = SweepFunctions(nodes, values, np.empty((0, 0)), np.empty(0, dtype=np.int64))
+        at_samples = np.ascontiguousarray(no_samples.at(inputs["temperature"]).T)
+        return SweepFunctions(nodes, values, at_samples, sweeps_of(inputs))
+
+    @cached_property
+    def parts(self) -> tuple[slice, ...]:
+        """Samples of each sweep, which follow each other."""
+        starts = np.flatnonzero(np.diff(self.sweep, prepend=-1))
+        return tuple(map(slice, starts.tolist(), [*starts[1:].tolist(), self.sweep.size]))
+
+    def part(self, samples: slice) -> SweepFunctions:
+        """Those of the samples of one sweep."""
+        sweep = np.zeros(samples.stop - samples.start, dtype=np.int64)
+        return SweepFunctions(self.temperature, self.values, self.samples[:, samples], sweep)
+
+    @cached_property
+    def rows(self) -> Floats:
+        """Functions of each sweep, zero in the others, shape (sweeps q, n)."""
+        inside = np.arange(int(self.sweep.max()) + 1)[:, None, None] == self.sweep
+        return np.ascontiguousarray((inside * self.samples).reshape(-1, self.sweep.size))
+
+    @cached_property
+    def _spline(self) -> CubicSpline:
+        return CubicSpline(self.temperature, self.values, bc_type="natural")
+
+    def at(self, temperature: Floats) -> Floats:
+        """Functions, shape (..., q), at temperatures of any shape; as at the nearest node beyond these."""
+        return np.asarray(self._spline(np.clip(temperature, self.temperature[0], self.temperature[-1])))
+
+    def of_new_sweep(self, rng: np.random.Generator, size: Floats, temperature: Floats) -> Floats:
+        """What new sweeps have of their own, of sizes (W,), at temperatures (g,) or (W, g); shape (W, g).
+
+        Each reading is of another sweep.
+        """
+        deviations = np.sqrt(np.sum(self.at(temperature) ** 2, axis=-1))
+        drawn = size[:, None] * deviations
+        return np.asarray(drawn * rng.standard_normal(drawn.shape))
+
+
+def sweeps_of(inputs: Mapping[str, Floats]) -> Ints:
+    """Which sweep each sample belongs to, shape (n,), from 0 without gaps."""
+    number = inputs[SWEEP] if SWEEP in inputs else inputs["segment"]
+    return np.asarray(np.unique(number, return_inverse=True)[1], dtype=np.int64).reshape(-1)
