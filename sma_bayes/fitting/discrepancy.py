@@ -31,7 +31,7 @@ from scipy.interpolate import CubicSpline
 from scipy.linalg import eigh
 
 from sma_bayes.arrays import Floats
-from sma_bayes.fitting.sweep_functions import SweepFunctions
+from sma_bayes.fitting.sweep_functions import SweepFunctions, seen
 from sma_bayes.parameters.space import QUANTITY, ParameterSpec
 
 FUNCTIONS = 30
@@ -206,7 +206,7 @@ def build_basis(
     )
     at_samples = np.asarray(CubicSpline(nodes, raw, bc_type="natural")(temperature))
     scale = np.abs(tangents).max(axis=0)
-    usable = np.isfinite(scale) & (scale > 0.0)
+    usable = seen(tangents, tangents_at_nodes)
     q = tangents[:, usable] / scale[usable]
     mix = np.linalg.lstsq(q, at_samples, rcond=1e-10)[0]
     rows = (at_samples - q @ mix).T

@@ -16,12 +16,16 @@ from functools import cached_property
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from sma_bayes.arrays import Floats, Ints
+from sma_bayes.arrays import Bools, Floats, Ints
 
 MOST_SWEEPS = 48
 """Sweeps of a record, at most, that may have something of their own."""
 HARDLY_TOLD = 1e-6
 """Part of the greatest of what parameters do to the samples that is rounding."""
+HARDLY_SEEN = 0.1
+"""Share of the greatest change that a parameter makes anywhere which samples have to see, for it to count. A transition
+between two readings is no place that they tell anything of; functions that are scaled by what readings see of it would
+be as many times too large between them."""
 SWEEP = "sweep"
 """Input of a part of a record: the segment of the whole one that each sample is from."""
 
@@ -67,7 +71,7 @@ class SweepFunctions:
         if not 2 <= int(sweeps_of(inputs).max(initial=0)) + 1 <= MOST_SWEEPS:
             return None
         scale = np.abs(tangents).max(axis=0)
-        usable = np.isfinite(scale) & (scale > 0.0) & np.isfinite(tangents_at_nodes).all(axis=0)
+        usable = seen(tangents, tangents_at_nodes)
         _, singular, axes = np.linalg.svd(tangents[:, usable] / scale[usable], full_matrices=False)
         kept = singular > HARDLY_TOLD * singular.max(initial=0.0)
         if not kept.any():
@@ -117,6 +121,20 @@ class SweepFunctions:
         deviations = np.sqrt(np.sum(self.at(temperature) ** 2, axis=-1))
         drawn = size[:, None] * deviations
         return np.asarray(drawn * rng.standard_normal(drawn.shape))
+
+
+def seen(tangents: Floats, tangents_at_nodes: Floats) -> Bools:
+    """Which parameters change the response where it was measured, shape (p,); see `HARDLY_SEEN`.
+
+    Parameters
+    ----------
+    tangents, tangents_at_nodes : ndarray, shape (n, p) and (G, p)
+        Derivatives of the response with respect to the parameters, at samples and nodes.
+    """
+    here, anywhere = np.abs(tangents).max(axis=0), np.abs(tangents_at_nodes).max(axis=0)
+    return np.asarray(
+        np.isfinite(here) & np.isfinite(anywhere) & (here > 0.0) & (here > HARDLY_SEEN * anywhere)
+    )
 
 
 def sweeps_of(inputs: Mapping[str, Floats]) -> Ints:

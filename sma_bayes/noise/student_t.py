@@ -92,8 +92,7 @@ class StudentTNoise(OfSeries):
 
     def weighted_gram(self, rows: Floats, shape: Floats, steps: Steps) -> Floats:
         gram = self.series.weighted_gram(rows, shape, steps)
-        gram *= self.location_information(shape)[:, None, None]
-        return gram
+        return np.asarray(self.location_information(shape)[:, None, None] * gram)
 
     def estimate(self, residual: Floats, steps: Steps) -> Floats:
         first = self.series.estimate(residual, steps)  # the memory is told nearly as well with light tails

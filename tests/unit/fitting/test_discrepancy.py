@@ -275,6 +275,20 @@ def test_nothing_is_explained_twice_where_samples_leave_a_gap(seed: int) -> None
     assert np.linalg.eigvalsh(unit @ unit.T)[-1] < 1.1
 
 
+@pytest.mark.parametrize("rate", [0.2, 1.0, 3.0, 8.0, 20.0])
+def test_basis_stays_of_its_size_where_the_transition_lies_between_two_readings(rate: float) -> None:
+    temperature, theta = np.linspace(20.0, 80.0, 31), np.array([2.5, rate, 49.0, 0.5])
+    fine = np.linspace(20.0, 80.0, 2001)
+    nodes = nodes_of(20.0, 80.0, fine, logistic(theta, fine))
+    basis = build_basis(
+        temperature, nodes, logistic(theta, nodes), tangents(temperature, theta), tangents(nodes, theta)
+    )
+    assert basis is not None
+    assert np.abs(basis.values).max() < 10.0 * np.abs(basis.rows).max()
+    read_back = DiscrepancyBasis.tabulated(nodes, basis.values, temperature)
+    np.testing.assert_allclose(read_back.rows, basis.rows, atol=0.02)
+
+
 def test_information_that_rounding_leaves_indefinite_is_not_usable() -> None:
     """Thousands of nearly noiseless samples: of 1e13 along one direction, rounding may take 2 from another."""
     turn = np.linalg.qr(np.random.default_rng(1).standard_normal((4, 4)))[0]
