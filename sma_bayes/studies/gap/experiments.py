@@ -18,6 +18,8 @@ from sma_bayes.studies.gap.fitting import FittedHypothesis, held_at
 Inputs = Mapping[str, Floats]
 ENOUGH = 5.0
 """Separation [standard deviations] that an experiment should give."""
+NOTHING = 0.5
+"""Separation below which no number of repeats that anybody makes would help."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,6 +56,9 @@ class ProposedExperiment:
     separation: float
 
     def __str__(self) -> str:
+        if self.separation < NOTHING:
+            best = f"the best, {self.design.title}, by {self.separation:.1f} sigma"
+            return f"none of the designs that were tried ({best})"
         enough = "" if self.separation >= ENOUGH else ", which may not be enough: repeat it"
         return f"{self.design.title} (expected separation {self.separation:.1f} sigma{enough})"
 

@@ -33,7 +33,9 @@ from sma_bayes.studies.gap.schema import StatedDisagreement
 from sma_bayes.studies.gap.words import covariate_text
 
 MARKS: Final = {"above": "#e6a700", "below": "#a77bca"}
-"""Amber or violet behind the samples of a disagreement, as they lie above or below the model."""
+"""Amber or violet about the number of a disagreement, as its samples lie above or below the model."""
+PALE: Final = {"above": "#fbe3a0", "below": "#e3d3f0"}
+"""The same behind the samples: opaque, as many that overlap would darken, and pale, so that points stand out."""
 BINS: Final = 24
 """Temperatures of a map."""
 LEAST_RANGE, GREATEST_RANGE = 3.0, 10.0
@@ -47,6 +49,8 @@ ALONG: Final = (0.5, 0.35, 0.65, 0.2, 0.8)
 """Places along the stretch that are tried [share of its samples]."""
 APART: Final = 14.0
 """Distance of the centres of two numbers from which on they do not touch [points]."""
+RADIUS: Final = 8.0
+"""Distance of a number's centre from a point from which on it does not cover that [points]."""
 
 
 def residual_maps(study: StoredStudy) -> Drawing:
@@ -226,8 +230,8 @@ def disagreement_loops(study: StoredStudy) -> Drawing:
         handles.append(Line2D([], [], color=INK, lw=1.1, label="with the added effects"))
     sides = {d.side for d in found}
     handles += [
-        Line2D([], [], color=colour, lw=5, alpha=0.7, label=f"stretch, measured {side} model")
-        for side, colour in MARKS.items()
+        Line2D([], [], lw=5, label=f"stretch, measured {side} model", **stretch_style(side))
+        for side in MARKS
         if side in sides
     ]
     figure.legend(handles=handles, loc="lower center", ncols=3 if columns > 1 else 2, borderaxespad=0.2)
@@ -247,6 +251,11 @@ def disagreement_loops(study: StoredStudy) -> Drawing:
     )  # fmt: skip
 
 
+def stretch_style(side: str) -> dict[str, Any]:
+    """How what lies behind the samples of a disagreement is drawn."""
+    return {"color": PALE[side]}
+
+
 def _loop(ax: Axes, study: StoredStudy, condition: str, channel: str) -> None:
     some = study.samples.of(condition=condition, channel=channel)
     marked = [
@@ -255,11 +264,11 @@ def _loop(ax: Axes, study: StoredStudy, condition: str, channel: str) -> None:
         if (d.condition, d.channel) == (condition, channel)
     ]
     for _, d, inside in marked:
-        ax.scatter(inside["temperature"], inside["measured"], s=26, color=MARKS[d.side], alpha=0.4, linewidths=0,
-                   zorder=1, rasterized=True)  # fmt: skip
+        ax.scatter(inside["temperature"], inside["measured"], s=34, linewidths=0, zorder=1, rasterized=True,
+                   **stretch_style(d.side))  # fmt: skip
     for branch, colour in COLOURS.items():
         part = some.of(branch=branch)
-        ax.scatter(part["temperature"], part["measured"], s=4, color=colour, alpha=0.6, linewidths=0, zorder=2,
+        ax.scatter(part["temperature"], part["measured"], s=4, color=colour, alpha=0.8, linewidths=0, zorder=2,
                    rasterized=part.n > MANY)  # fmt: skip
         for segment in np.unique(part["segment"])[[0, -1]] if part.n else []:
             sweep = part.where(part["segment"] == segment)
@@ -271,7 +280,7 @@ def _loop(ax: Axes, study: StoredStudy, condition: str, channel: str) -> None:
     ax.margins(x=0.04, y=0.08)
     power = take_power(ax.yaxis)
     ax.set_ylabel(f"{facts.name} {facts.symbol} [{in_units_of(power, facts.unit)}]")
-    _number(ax, marked)
+    _number(ax, marked, np.column_stack([some["temperature"], some["measured"]]))
 
 
 def _strip(ax: Axes, study: StoredStudy, condition: str, channel: str) -> None:
@@ -288,7 +297,7 @@ def _strip(ax: Axes, study: StoredStudy, condition: str, channel: str) -> None:
             pad = 0.3 if covariate == "cycle" else 0.0
             ends = (d.from_ - pad, d.to + pad)
             low, high, sink = (0.5, 1.0, -5) if d.branch == "heating" else (0.0, 0.5, 5)
-            ax.axvspan(*ends, low, high, color=MARKS[d.side], alpha=0.25, lw=0, zorder=0)
+            ax.axvspan(*ends, low, high, lw=0, zorder=0, **stretch_style(d.side))
             for end in ends:
                 ax.axvline(end, low, high, color="white", lw=1.0, zorder=0.5)
             ax.annotate(
@@ -300,7 +309,7 @@ def _strip(ax: Axes, study: StoredStudy, condition: str, channel: str) -> None:
     for branch, colour in COLOURS.items():
         mine = some.words["branch"] == branch
         left = (some["measured"] - some["before"])[mine]
-        ax.scatter(x[mine], left, s=3, color=colour, alpha=0.5, linewidths=0, rasterized=True)
+        ax.scatter(x[mine], left, s=3, color=colour, alpha=0.7, linewidths=0, rasterized=True)
     ax.axhline(0.0, color=INK, lw=0.5)
     facts = study.part.channels[channel]
     power = take_power(ax.yaxis)
@@ -324,10 +333,11 @@ def stretch(some: Samples, d: StatedDisagreement) -> Mask:
     return np.asarray(own & (values >= d.from_) & (values <= d.to))
 
 
-def _number(ax: Axes, marked: Sequence[tuple[str, StatedDisagreement, Samples]]) -> None:
-    """Numbers beside the stretches of a loop, in no one's way: over those of cooling, under those of heating."""
+def _number(ax: Axes, marked: Sequence[tuple[str, StatedDisagreement, Samples]], points: Floats) -> None:
+    """Numbers beside the stretches of a loop: over those of cooling, under those of heating, on no point (n, 2)."""
     taken: list[Floats] = []
     pixels = ax.figure.dpi / 72.0
+    drawn = ax.transData.transform(points) / pixels
     for number, d, inside in marked:
         if not inside.n:
             continue
@@ -337,7 +347,7 @@ def _number(ax: Axes, marked: Sequence[tuple[str, StatedDisagreement, Samples]])
         at = np.column_stack([inside["temperature"], inside["measured"]])
         there = ax.transData.transform(at) / pixels
         centres = [there[sample] + [0.0, side * away] for sample, away in places]
-        best = int(np.argmax([_clear(centre, taken) for centre in centres]))
+        best = int(np.argmax([_clear(c, taken, APART) + _clear(c, drawn, RADIUS) for c in centres]))
         taken.append(centres[best])
         sample, away = places[best]
         ax.annotate(
@@ -347,9 +357,9 @@ def _number(ax: Axes, marked: Sequence[tuple[str, StatedDisagreement, Samples]])
         )  # fmt: skip
 
 
-def _clear(place: Floats, taken: Sequence[Floats]) -> float:
-    """Distance [points] to the nearest number that is there, as far as it matters."""
-    return min([APART, *(float(np.hypot(*(place - other))) for other in taken)])
+def _clear(place: Floats, others: Sequence[Floats] | Floats, enough: float) -> float:
+    """Distance to the nearest of what is there already, as a share of the one that is enough; at most 1."""
+    return float(min([enough, *np.hypot(*(np.reshape(others, (-1, 2)) - place).T)]) / enough)
 
 
 def _loop_data(study: StoredStudy, places: Sequence[tuple[str, str]]) -> dict[str, Any]:

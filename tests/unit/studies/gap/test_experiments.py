@@ -197,3 +197,9 @@ def test_a_weak_proposal_says_so() -> None:
         ProposedExperiment(TWICE_THE_LOAD, 0.9 * ENOUGH)
     )
     assert "enough" not in str(ProposedExperiment(TWICE_THE_LOAD, ENOUGH))
+
+
+def test_what_separates_nothing_is_not_proposed() -> None:
+    """Of Flexinol a repeat with twice the load was proposed, with a separation of 0.0 sigma."""
+    told = str(ProposedExperiment(TWICE_THE_LOAD, 0.03))
+    assert told == "none of the designs that were tried (the best, repeat with twice the load, by 0.0 sigma)"

@@ -4,8 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
+from sma_bayes.report.figures.sheet import COLOURS
 from sma_bayes.studies.gap.figures import disagreement
 from sma_bayes.studies.gap.outputs import Samples
 from sma_bayes.studies.gap.schema import StatedDisagreement
@@ -26,11 +28,48 @@ def test_numbers_of_stretches_in_one_place_do_not_touch() -> None:
         inside = Samples({"condition": np.full(t.size, "c")}, {"temperature": t, "measured": measured})
         marked.append((str(i), StatedDisagreement.model_validate(stated), inside))
         ax.plot(t, inside["measured"])
-    disagreement._number(ax, marked)
+    disagreement._number(ax, marked, np.empty((0, 2)))
     ax.figure.draw_without_rendering()
     boxes = [text.get_bbox_patch().get_window_extent() for text in ax.texts]
     assert len(boxes) == 4
     assert not any(a.overlaps(b) for i, a in enumerate(boxes) for b in boxes[:i])
+
+
+def test_the_number_of_a_stretch_covers_no_measured_point() -> None:
+    """Under a stretch of heating, where it was put, were the points of cooling."""
+    ax = Figure(figsize=(4.0, 3.0)).subplots()
+    t = np.linspace(20.0, 80.0, 200)
+    stated = {
+        "condition": "c", "branch": "heating", "channel": "force", "covariate": "temperature", "from": 20, "to": 80,
+        "unit": "degC", "size_sigma": 5.0, "mean_residual": 0.1,
+    }  # fmt: skip
+    heating, cooling = 1.0 + 0.01 * t, 0.9 + 0.01 * t
+    ax.plot(t, heating)
+    ax.plot(t, cooling)
+    ax.set_ylim(0.5, 2.0)
+    inside = Samples({"condition": np.full(t.size, "c")}, {"temperature": t, "measured": heating})
+    points = np.column_stack([np.tile(t, 2), np.concatenate([heating, cooling])])
+    disagreement._number(ax, [("1", StatedDisagreement.model_validate(stated), inside)], points)
+    ax.figure.draw_without_rendering()
+    box = ax.texts[0].get_bbox_patch().get_window_extent()
+    assert box.count_contains(ax.transData.transform(points)) == 0
+
+
+def _luminance(colour: object) -> float:
+    """Relative luminance of WCAG 2.1."""
+    c = np.array(to_rgb(colour))
+    linear = np.where(c <= 0.04045, c / 12.92, ((c + 0.055) / 1.055) ** 2.4)
+    return float(linear @ [0.2126, 0.7152, 0.0722])
+
+
+@pytest.mark.parametrize("side", disagreement.MARKS)
+@pytest.mark.parametrize("branch", COLOURS)
+def test_points_are_seen_on_the_stretch_they_are_in(side: str, branch: str) -> None:
+    """Stretches were drawn translucent, sample over sample, and grew as dark as the points upon them."""
+    stretch = disagreement.stretch_style(side)
+    assert stretch.get("alpha", 1.0) == 1.0, "what is translucent darkens where samples are dense"
+    ground, ink = _luminance(stretch["color"]), _luminance(COLOURS[branch])
+    assert (ground + 0.05) / (ink + 0.05) >= 3.0
 
 
 @pytest.mark.parametrize(
