@@ -17,8 +17,9 @@ from sma_bayes.runs.shown import in_declared_units
 from sma_bayes.studies.compare.figures.averages import model_average_figure
 from sma_bayes.studies.compare.figures.models import curves_figure, differences_figure, pages
 from sma_bayes.studies.compare.schema import ComparisonDocument, Overall, StoredComparison
-from sma_bayes.studies.compare.tables import comparison_tables, model_averages, short
+from sma_bayes.studies.compare.tables import comparison_tables, model_averages
 from sma_bayes.studies.compare.verdict import CANNOT_TELL
+from sma_bayes.studies.compare.words import spoken
 
 
 def build_report(folder: Path, wanted: ReportOptions) -> None:
@@ -33,6 +34,7 @@ def build_report(folder: Path, wanted: ReportOptions) -> None:
         headlines=[headline(group) for group in stored.found.overall],
         command=command(stored.found),
         paper_correlation=PAPER_CORRELATION,
+        spoken=spoken,
     )
 
 
@@ -47,11 +49,11 @@ def _drawings(stored: StoredComparison, drawn: Drawn) -> list[Callable[[StoredCo
 
 def headline(group: Overall) -> str:
     """The verdict over all records of a channel, as a sentence."""
-    counts = ", ".join(f"{n} {name}" for name, n in group.verdicts.items())
+    counts = ", ".join(f"{n} {spoken(name)}" for name, n in group.verdicts.items())
     if group.verdict == CANNOT_TELL:
         outcome = f"the data do not tell: {group.why}"
     else:
-        outcome = f"the {group.verdict.replace('_', ' ')} wins ({short(group.preferred)}): {group.why}"
+        outcome = f"the {spoken(group.verdict)} wins ({spoken(group.preferred)}): {group.why}"
     count = len(group.records)
     together = f"{count} records together" if count > 1 else "one record"
     return f"{group.quantity}, {together}: {outcome}. Record by record: {counts}."

@@ -2,32 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
-from typing import Final
+from collections.abc import Iterator
 
 from sma_bayes.report.averages import average_factors
 from sma_bayes.report.content import INTERVAL, PAPER_CORRELATION, AverageFactor, Estimate, Number
 from sma_bayes.report.notation import unit_label
 from sma_bayes.report.tables import AVERAGE_COLUMNS, OF_ROW, Cell, Column, Table, average_cells, words
 from sma_bayes.studies.compare.schema import ComparedRecord, StatedDifference, StoredComparison
-
-SHORT: Final[Mapping[str, str]] = {
-    "modified_sigmoid": "modified sigmoid",
-    "modified_sigmoid_tied": "modified sigmoid, A2 = B2",
-    "logistic_published": "logistic, published",
-    "logistic_corrected": "logistic, corrected",
-    "logistic_refitted": "logistic, refitted",
-    "polynomial_published": "polynomial, published",
-    "polynomial_corrected": "polynomial, corrected",
-    "polynomial_refitted": "polynomial, refitted",
-    "bounded_logistic": "bounded logistic",
-}
-"""Models of the paper and their variants, briefly."""
-
-
-def short(name: str) -> str:
-    """Name of a model in a few words."""
-    return SHORT.get(name, name.replace("_", " "))
+from sma_bayes.studies.compare.words import noise_words, short
 
 
 def comparison_tables(stored: StoredComparison) -> dict[str, Table]:
@@ -136,7 +118,7 @@ def verdict_table(stored: StoredComparison) -> Table:
         ),
         tuple(
             (
-                r.condition, r.branch, r.quantity, r.verdict, short(r.preferred), short(r.rival),
+                r.condition, r.branch, r.quantity, short(r.verdict), short(r.preferred), short(r.rival),
                 Number(r.ln_bayes_factor, "1", 0.5), _noise(r), r.held_out.kind, r.why,
             )
             for r in stored.found.records
@@ -147,7 +129,7 @@ def verdict_table(stored: StoredComparison) -> Table:
 def _noise(record: ComparedRecord) -> str:
     """Noise of all models, with the number of samples that count as one where it is not one."""
     fewer = f", {record.memory:.1f} samples count as one" if record.memory != 1.0 else ""
-    return f"{record.noise}{fewer}"
+    return f"{noise_words(record.noise)}{fewer}"
 
 
 def overall_table(stored: StoredComparison) -> Table:
@@ -174,7 +156,7 @@ def _overall_rows(stored: StoredComparison) -> Iterator[tuple[Cell, ...]]:
     for group in stored.found.overall:
         for name, m in group.ranked:
             yield (
-                group.quantity, group.verdict, short(name), Number(m.ln_evidence, "1", 0.5),
+                group.quantity, short(group.verdict), short(name), Number(m.ln_evidence, "1", 0.5),
                 Number(m.elpd_held_out, "1", 0.5), *_behind(m.behind_preferred, name == group.preferred),
             )  # fmt: skip
 

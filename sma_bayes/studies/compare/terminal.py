@@ -9,6 +9,7 @@ from sma_bayes.errors import many
 from sma_bayes.report.screen import show_text
 from sma_bayes.studies.compare.schema import ComparisonDocument
 from sma_bayes.studies.compare.verdict import CANNOT_TELL
+from sma_bayes.studies.compare.words import nats, spoken
 
 
 def show_comparison(found: dict[str, Any], out: Path) -> None:
@@ -25,12 +26,14 @@ def comparison_text(found: dict[str, Any]) -> str:
     names = [f"{r.condition}-{r.branch} {r.quantity}" for r in document.records]
     width = max(map(len, names))
     for name, r in zip(names, document.records, strict=True):
-        rival = f", ln Bayes factor {r.ln_bayes_factor:.1f} over {r.rival}" if r.rival else ""
-        outcome = r.why if r.verdict == CANNOT_TELL else f"{r.preferred}{rival}"
-        lines.append(f"  {name:<{width}}  {r.verdict:<16}  {outcome}")
+        factor = r.ln_bayes_factor
+        beaten = "" if factor is None else f", ln Bayes factor {nats(factor)} over the {spoken(r.rival)}"
+        rival = beaten if r.rival else ""
+        outcome = r.why if r.verdict == CANNOT_TELL else f"the {spoken(r.preferred)}{rival}"
+        lines.append(f"  {name:<{width}}  {spoken(r.verdict):<16}  {outcome}")
     for group in document.overall:
         together = f"{group.quantity}, {many(len(group.records), 'record')} together"
-        lines.append(f"{together}: {group.verdict.upper()}. {group.why}")
+        lines.append(f"{together}: {spoken(group.verdict).upper()}. {group.why}")
     lines += [f"remark: {text}" for text in document.declared_differently]
     if not document.converged:
         failed = ", ".join(name for name, r in zip(names, document.records, strict=True) if not r.converged)

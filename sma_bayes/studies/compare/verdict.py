@@ -24,6 +24,7 @@ from scipy.stats import t as student_t
 
 from sma_bayes.arrays import Floats
 from sma_bayes.studies.compare.schema import StatedDifference, StatedVerdict
+from sma_bayes.studies.compare.words import listed, nats, spoken
 
 CANNOT_TELL: Final = "cannot tell"
 DECISIVE: Final = float(np.log(20.0))
@@ -103,34 +104,31 @@ def _reason(
     best: Standing, voting: Sequence[Standing], families: Collection[str], rival: Standing | None
 ) -> tuple[str, bool]:
     """Why, and whether the preference is decisive."""
-    twins = _listed(sorted(s.name for s in voting if s.curve == best.curve))
+    twins = listed(sorted(s.name for s in voting if s.curve == best.curve))
     if rival is None:
         return f"there is no model but {twins}", False
     factor = best.ln_evidence - rival.ln_evidence
+    first, second = f"the {spoken(best.name)}", f"the {spoken(rival.name)}"
     if len(families) > 1:
         enough = "" if _ahead(best, rival) else ", which is too little to tell"
-        lead = f"ahead of {rival.name} by {factor:.1f} in ln evidence{enough}"
+        lead = f"ahead of {second} by {nats(factor)} in ln evidence{enough}"
         return f"{twins} are the same curve of this channel, {lead}", False
+    ratio = f"ln Bayes factor of {first} over {second} is {nats(factor)}"
     if not _ahead(best, rival):
-        least = f"less than {DECISIVE:.1f} beyond its error"
-        return f"ln Bayes factor of {best.name} over {rival.name} is {factor:.1f}, {least}", False
+        return f"{ratio}, less than {DECISIVE:.1f} beyond its error", False
     others = [s for s in voting if s.family != best.family]
     worst = min(others, key=lambda o: _lead(best, o))
     if _lead(best, worst) < -AGAINST:
-        behind = (
-            f"the evidence prefers {best.name} by {factor:.1f} (logarithm), but {worst.name} predicts better"
+        lost = nats(-difference(best.folds, worst.folds).value)
+        preferred = f"the evidence prefers {first} by {nats(factor)} (logarithm)"
+        return (
+            f"{preferred}, but the {spoken(worst.name)} predicts better what was held out, by {lost}",
+            False,
         )
-        return f"{behind} what was held out, by {-difference(best.folds, worst.folds).value:.1f}", False
     gained = difference(best.folds, rival.folds)
     low, high = (-np.inf, np.inf) if gained.low is None or gained.high is None else (gained.low, gained.high)
-    return (
-        f"ln Bayes factor of {best.name} over {rival.name} is {factor:.1f}; held out, its log density is greater by "
-        f"{gained.value:.1f} ({low:.1f} to {high:.1f})"
-    ), True
-
-
-def _listed(names: Sequence[str]) -> str:
-    return " and ".join(filter(None, (", ".join(names[:-1]), names[-1])))
+    interval = f"{nats(gained.value)} ({nats(low)} to {nats(high)})"
+    return f"{ratio}; held out, its log density is greater by {interval}", True
 
 
 def _ahead(one: Standing, other: Standing) -> bool:

@@ -30,7 +30,7 @@ from sma_bayes.report.figures.sheet import (
 )
 from sma_bayes.runs.schema import IntervalDocument
 from sma_bayes.studies.compare.figures.models import LOOKS
-from sma_bayes.studies.compare.tables import short
+from sma_bayes.studies.compare.words import short
 from sma_bayes.studies.paper.schema import ReproducedEntry
 
 ARBITRARY_AXIS: Final = "temperature [arbitrary unit]"

@@ -15,7 +15,7 @@ from sma_bayes.records.types import setting_unit
 from sma_bayes.report.notation import MISSING, interval_text, unit_label, with_minus, write
 from sma_bayes.runs.schema import IntervalDocument
 from sma_bayes.studies.compare.schema import StatedDifference
-from sma_bayes.studies.compare.tables import short
+from sma_bayes.studies.compare.words import short
 from sma_bayes.studies.paper.claims.claim import FAILS, HOLDS, OPEN, SURE
 from sma_bayes.studies.paper.distance import PublishedDistance
 from sma_bayes.studies.paper.export import pipes

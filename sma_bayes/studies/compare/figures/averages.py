@@ -7,7 +7,8 @@ from sma_bayes.report.figures.averages import Mark, average_columns, correlation
 from sma_bayes.report.figures.sheet import Drawing, dot_handle, empty_sheet, label_width, name_rows, panels
 from sma_bayes.studies.compare.figures.models import drawn_order, look
 from sma_bayes.studies.compare.schema import StoredComparison
-from sma_bayes.studies.compare.tables import model_averages, short
+from sma_bayes.studies.compare.tables import model_averages
+from sma_bayes.studies.compare.words import short
 
 
 def model_average_figure(stored: StoredComparison) -> Drawing:

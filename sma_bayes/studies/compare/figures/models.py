@@ -25,7 +25,7 @@ from sma_bayes.report.figures.sheet import (
 from sma_bayes.report.notation import unit_label
 from sma_bayes.runs.shown import series_shown
 from sma_bayes.studies.compare.schema import ComparedRecord, StoredComparison
-from sma_bayes.studies.compare.tables import short
+from sma_bayes.studies.compare.words import short
 
 LOOKS: Final[Mapping[str, tuple[str, str]]] = {
     "modified_sigmoid": ("#c8501e", "-"),

@@ -74,3 +74,21 @@ def test_stacking_finds_the_mixture_that_made_the_data() -> None:
     assert weights["left"] == pytest.approx(0.3, abs=0.02)
     assert weights["far"] < 0.01
     assert sum(weights.values()) == pytest.approx(1.0)
+
+
+def test_a_verdict_speaks_of_models_in_words() -> None:
+    """Keys such as `modified_sigmoid` are what programs read; sentences had them, and tenths of hundreds."""
+    refitted = standing("logistic_refitted", 0.0, curve="s")
+    same = judge(
+        [refitted, standing("modified_sigmoid", -0.1, curve="s"), standing("polynomial_corrected", -1148.02)]
+    )
+    assert same.preferred == "logistic_refitted"
+    assert same.why == (
+        "refitted logistic and modified sigmoid are the same curve of this channel, ahead of the corrected polynomial "
+        "by 1148 in ln evidence"
+    )
+    won = judge([standing("modified_sigmoid", 0.0), standing("polynomial_published", -8.0)])
+    assert won.why.startswith(
+        "ln Bayes factor of the modified sigmoid over the published polynomial is 8.0; held out"
+    )
+    assert "_" not in won.why
