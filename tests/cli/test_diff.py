@@ -89,7 +89,7 @@ def test_a_record_that_is_in_one_only_is_a_difference(
     assert "a-cooling: only in a" in outcome.out
     told = "b, not in a" if summary["records"][0]["adequate"] else "a, not in b"
     assert f"  adequate in {told}" in outcome.out
-    assert "settings: - in a, load 1.5 N in b" in outcome.out
+    assert "settings: none in a, load 1.5 N in b" in outcome.out
     assert run("diff", folders["a"], copy, "--quiet").out == ""
 
 

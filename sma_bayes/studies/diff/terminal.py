@@ -82,7 +82,7 @@ def _units_of(
 
 def _short(value: object) -> str:
     if value is None or (isinstance(value, Mapping) and not value):
-        return "-"
+        return "none"
     if isinstance(value, Mapping):
         return ", ".join(f"{k} {_short(v)}" for k, v in value.items())
     if isinstance(value, list | tuple):
@@ -121,7 +121,7 @@ def _show_record(console: Screen, r: ComparedRecords, found: DifferenceDocument)
     for band in (band for band in r.bands.values() if band is not None):
         if band.shift is None or abs(band.shift) > found.tolerance:
             title = f"{band.name} at {band.at:.4g} {unit_text(band.temperature_unit)} [{unit_text(band.unit) or '1'}]"
-            table.add_row(title, "", "", f"{band.difference:+.3g}", _sds(band.shift))
+            table.add_row(title, "", "", _signed(band.difference), _sds(band.shift))
     if table.row_count:
         console.print(table)
 
@@ -139,7 +139,12 @@ def _apart(p: ComparedParameter) -> str:
     """Difference of the medians."""
     if p.a is None or p.b is None or p.a.median is None or p.b.median is None:
         return "-"
-    return f"{p.b.median - p.a.median:+.3g}"
+    return _signed(p.b.median - p.a.median)
+
+
+def _signed(difference: float) -> str:
+    """Difference with its sign and three digits, of which a nought at the end is one."""
+    return ("" if difference < 0.0 else "+") + write([difference], digits=3).plain[0]
 
 
 def _sds(shift: float | None) -> str:
