@@ -28,6 +28,9 @@ from sma_bayes.studies.simulate.terminal import start_text
 LOOKS: Final = {"cold": "#1f6fb2", "hot": "#c8501e", "heating": "#2f7d4f", "cooling": "#6a3d9a"}
 DASHES: Final[dict[str, Literal["-", "--"]]] = {"cold": "-", "hot": "--", "heating": "-", "cooling": "--"}
 
+INSTANTS: Final = 0.02
+"""Share of a course in which the band of a stiffness may reach below nought without that its axis does."""
+
 
 def course_figure(stored: StoredSimulation, condition: str) -> Drawing:
     """Bands in time of one condition, all starts together.
@@ -111,14 +114,18 @@ def _shown(run: SimulatedRun, channel: str, band: Mapping[str, Floats], quantile
 
 
 def _limit(ax: Any, bands: list[tuple[Mapping[str, Floats], SimulatedRun]], channel: str) -> None:
-    """Keep an axis to where the median goes, as a slope may have bands without end."""
+    """Keep an axis to where the median goes, as a slope may have bands without end, at some instants of either sign."""
     middle = np.concatenate([_shown(r, channel, b, "q50") for b, r in bands])
-    edges = np.concatenate([_shown(r, channel, b, q) for b, r in bands for q in ("pred_q05", "pred_q95")])
-    middle, edges = middle[np.isfinite(middle)], edges[np.isfinite(edges)]
+    lower, upper = (
+        np.concatenate([_shown(r, channel, b, q) for b, r in bands]) for q in ("pred_q05", "pred_q95")
+    )
+    edges = np.concatenate([lower, upper])
+    middle, edges, lower = (v[np.isfinite(v)] for v in (middle, edges, lower))
     if not middle.size or not edges.size:
         return
     low, high = np.quantile(middle, (0.01, 0.99))
     room = max(3.0 * (high - low), 0.5 * abs(high + low), 1e-12)
     least, most = max(edges.min(), low - room), min(edges.max(), high + room)
     pad = 0.06 * (most - least)
-    ax.set_ylim(least - pad, most + pad)
+    positive = channel == "stiffness" and middle.min() > 0.0 and np.mean(lower < 0.0) < INSTANTS
+    ax.set_ylim(0.0 if positive and least < pad else least - pad, most + pad)

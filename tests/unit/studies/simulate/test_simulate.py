@@ -10,6 +10,10 @@ import numpy as np
 import pytest
 
 import sma_bayes
+from sma_bayes.runs.documents import SIMULATION
+from sma_bayes.runs.finished_run import read_finished
+from sma_bayes.studies.simulate.figures.course import course_figure
+from sma_bayes.studies.simulate.schema import SimulationDocument
 
 EDGES = [0.0, 12.0, 24.0, 33.0, 60.0, 75.0, 110.0, 150.0]
 CURRENTS = [1.1, 0.6, 1.0, 0.66, 0.76, 0.68, 0.0]
@@ -27,8 +31,6 @@ def folder(heated_fit: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
 
 @pytest.fixture(scope="module")
 def found(folder: Path) -> Any:
-    from sma_bayes.runs.documents import SIMULATION
-
     return SIMULATION.read(folder)
 
 
@@ -187,3 +189,13 @@ def test_every_branch_of_the_report_can_be_built(heated_fit: Path, tmp_path: Pat
         "tables/balance.tex",
     ):
         assert (out / name).is_file()
+
+
+def test_the_axis_of_a_positive_stiffness_begins_at_nought(folder: Path) -> None:
+    """It began at −0.5 N/mm, since the band has no end at one instant of the start."""
+    stored = read_finished(SIMULATION, SimulationDocument, folder)
+    axes = course_figure(stored, "1.2A").figure.axes
+    edges = np.concatenate([bands(folder, s)["stiffness_pred_q05 [N/m]"] for s in ("cold", "hot")])
+    assert 0.0 < np.mean(edges < 0.0) < 0.02
+    assert axes[-1].get_ylabel() == "K [N/mm]"
+    assert axes[-1].get_ylim()[0] == 0.0
