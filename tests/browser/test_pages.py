@@ -283,6 +283,22 @@ def test_a_dark_page_is_dark(report: Path, tmp_path: Path) -> None:
     assert brightness(dark["ink"]) > brightness(dark["paper"]) + 400
 
 
+def test_a_small_table_does_not_squeeze_its_caption(tmp_path: Path) -> None:
+    """A caption is as wide as its table: of one with three short columns it had two words a line."""
+    style = (resources.files("sma_bayes.report") / "templates" / "report.css").read_text(encoding="utf-8")
+    page = tmp_path / "page.html"
+    page.write_text(
+        f"<!DOCTYPE html><style>{style}</style><div class='scroll'><table><caption><span>{'what is stated ' * 9}</span>"
+        "</caption><tr><td>1</td></tr></table></div><pre id='found'></pre><script>document.getElementById('found')"
+        ".textContent = document.querySelector('caption').getBoundingClientRect().width</script>",
+        encoding="utf-8",
+    )
+    told = browser("--dump-dom", page.as_uri()).stdout
+    found = re.search(r"<pre id=.found.>([\d.]+)</pre>", told)
+    assert found is not None
+    assert float(found[1]) > 300.0
+
+
 def bright_share(page: Path, place: Path, scheme: int) -> float:
     """Share of a page that is nearly white, as the browser shows it."""
     shot = place / f"shot-{scheme}.png"

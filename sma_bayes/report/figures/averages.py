@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Final
@@ -15,6 +16,9 @@ from sma_bayes.report.notation import unit_label
 NEAREST: Final = 1e-9
 """How near to 1 a correlation is drawn at most."""
 TICKS: Final = (-1.0, 0.0, 0.5, 0.9, 0.95, 0.99, 0.999, 0.9999, 0.99999, 0.999999)
+
+LETTER: Final = 0.06
+"""Width of a digit of a label [inch]."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -51,10 +55,31 @@ def correlation_axis(ax: Axes, marks: Sequence[Mark], *, beside_paper: bool = Tr
     far, near = max(1.0 - v for v in seen), max(min(1.0 - v for v in seen), NEAREST)
     ax.set_xscale("log")
     ax.set_xlim(far * 1.6, near / 1.6)
-    shown = [t for t in TICKS if near / 1.6 <= 1.0 - t <= far * 1.6]
+    per_decade = ax.bbox.width / ax.figure.dpi / math.log10(2.56 * far / near)
+    shown = apart([t for t in TICKS if near / 1.6 <= 1.0 - t <= far * 1.6], per_decade)
     ax.set_xticks([1.0 - t for t in shown], [f"{t:.10g}" for t in shown])
     ax.minorticks_off()
     ax.set_xlabel("r [1]")
+
+
+def apart(ticks: Sequence[float], per_decade: float) -> list[float]:
+    """Ticks whose labels do not touch, the first and every one far enough from the last; a decade is so wide [inch].
+
+    Examples
+    --------
+    >>> apart([0.5, 0.9, 0.95, 0.99], 0.4)
+    [0.5, 0.9, 0.99]
+    """
+    kept: list[float] = []
+    for tick in ticks:
+        if not kept or per_decade * math.log10((1.0 - kept[-1]) / (1.0 - tick)) >= room(kept[-1], tick):
+            kept.append(tick)
+    return kept
+
+
+def room(*ticks: float) -> float:
+    """Distance of two neighbouring labels at least [inch]."""
+    return LETTER * (1.0 + sum(len(f"{t:.10g}") for t in ticks) / 2.0)
 
 
 def average_columns(averages: Sequence[AverageFactor]) -> Mapping[str, Any]:
