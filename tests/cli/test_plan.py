@@ -13,8 +13,10 @@ import pytest
 import sma_bayes
 from sma_bayes import fit_campaign, study_gap
 from sma_bayes.runs.documents import PLAN, sealed
-from sma_bayes.runs.finished_run import FinishedRun
+from sma_bayes.runs.finished_run import FinishedRun, read_finished
+from sma_bayes.studies.plan.figures.plan import narrowing_figure
 from sma_bayes.studies.plan.schema import PlanDocument
+from sma_bayes.studies.plan.shown import in_declared_units
 from sma_bayes.studies.plan.tables import plan_tables
 from sma_bayes.studies.plan.terminal import show_plan
 
@@ -251,3 +253,18 @@ def test_a_gap_study_without_its_campaign_says_what_to_do(
     outcome = run("plan", other, "--for", "tell-apart")
     assert outcome.status == 2
     assert "run it where gap was run, as bench/spring is a path from there" in outcome.err
+
+
+def test_a_plan_is_read_in_words_and_no_outcome_hides_another(folder: Path, tmp_path: Path) -> None:
+    """Where the best design is the even division, its dots lay under those of that."""
+    out = tmp_path / "plan"
+    sma_bayes.plan(folder, "stiffness@50degC", out, hours=2.0, jobs=1)
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "What to measure next for stiffness at 50 °C." in page
+    stored = read_finished(PLAN, PlanDocument, out, in_declared_units)
+    (ax,) = narrowing_figure(stored).figure.axes
+    dots = [
+        (float(x), float(y)) for line in ax.lines if line.get_marker() == "o" for x, y in line.get_xydata()
+    ]
+    assert len(dots) == 6
+    assert len({y for _, y in dots}) == 6

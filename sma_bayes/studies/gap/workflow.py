@@ -151,14 +151,22 @@ def _studied(
     return found
 
 
+VERDICTS: Final = {
+    "none": "nothing is missing beyond what chance explains",
+    "named": "the model misses {}",
+    "unnamed": "the model misses something that the catalogue has no name for",
+}
+"""Verdicts in a few words; the effects that were added take the place in them."""
+
+
 def _told(found: Mapping[str, Any]) -> str:
     parts = {"": found} | ({"; heating: ": found["heating"]} if found["heating"] else {})
     return "".join(f"{start}{_verdict(part)}" for start, part in parts.items())
 
 
 def _verdict(found: Mapping[str, Any]) -> str:
-    effects = ", ".join(e["id"] for e in found["effects"])
-    return f"{found['verdict']}: {effects}" if effects else str(found["verdict"])
+    effects = ", ".join(f"{e['id']} ({e['title']})" for e in found["effects"])
+    return VERDICTS[found["verdict"]].format(effects)
 
 
 STEP: Final = StudyStep(StepTable, GAP, study_gap, _told)

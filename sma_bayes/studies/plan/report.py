@@ -14,6 +14,7 @@ from sma_bayes.studies.plan.figures.plan import candidates_figure, narrowing_fig
 from sma_bayes.studies.plan.schema import PlanDocument, StoredPlan
 from sma_bayes.studies.plan.shown import in_declared_units
 from sma_bayes.studies.plan.tables import plan_tables
+from sma_bayes.studies.plan.words import asked_words
 
 
 def build_report(folder: Path, wanted: ReportOptions) -> None:
@@ -25,4 +26,4 @@ def build_report(folder: Path, wanted: ReportOptions) -> None:
     found = stored.found
     more = "" if found.available is None else f" --hours {found.available:g}"
     command = f'sma-bayes plan "{found.source}" --for "{found.asked}" --out DIR --seed {found.seed}{more}'
-    assemble(__package__, stored, wanted, drawings, plan_tables, command=command)
+    assemble(__package__, stored, wanted, drawings, plan_tables, command=command, asked=asked_words(found))

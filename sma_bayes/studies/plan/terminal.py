@@ -15,6 +15,7 @@ from sma_bayes.studies.plan.schema import PlanFindings, PlannedCandidate
 from sma_bayes.studies.plan.shown import in_declared_units
 from sma_bayes.studies.plan.words import (
     HALF_WIDTH,
+    asked_words,
     half_width,
     known_of,
     other_load,
@@ -31,7 +32,7 @@ def show_plan(told: Mapping[str, Any], out: Path | None) -> None:
     """What `plan.json` says, for a terminal."""
     found = in_declared_units(PlanFindings.model_validate(told))
     console = screen()
-    console.tell(f"{found.campaign}: what to measure next for {found.asked}")
+    console.tell(f"{found.campaign}: what to measure next for {asked_words(found)}")
     for k in found.quantities if found.kind == "quantity" else ():
         if k.median is not None:
             unit = f" {unit_text(k.shown_unit)}".rstrip()

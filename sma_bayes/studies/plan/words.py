@@ -33,6 +33,15 @@ def quantity_name(known: KnownQuantity | ExpectedQuantity, found: PlanFindings) 
     return f"{known.name}, {known.key}" if several else known.name
 
 
+def asked_words(found: PlanFindings) -> str:
+    """What a plan is for, in words; `asked` is what was typed."""
+    if found.kind == "quantity" and found.quantities:
+        return found.quantities[0].name
+    return {"parameters": "the parameters", "tell-apart": "telling explanations apart"}.get(
+        found.kind, found.asked
+    )
+
+
 def pair_name(pair: RivalPair) -> str:
     """Two explanations."""
     return f"{pair.first or 'no effect'} or {pair.second or 'no effect'}"

@@ -527,7 +527,7 @@ STEP: Final = StudyStep(
     PlanTable,
     PLAN,
     plan,
-    lambda found: f"{len(found['candidates'])} candidates for {found['asked']}",
+    lambda found: str(found["advice"]),
     _checks,
     _questions,
 )

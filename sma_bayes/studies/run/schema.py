@@ -29,6 +29,7 @@ class StudyDocument(StudyFindings):
 
     schema_: Literal["sma-bayes/study/1"] = Field(alias="schema", description="name and version")
     study: str = Field(description="the study file")
+    out: str = Field(default="", description="folder of the results")
     finished: bool = Field(description="whether all steps have been run")
     converged: bool = Field(description="whether all are done and converged")
     exit_status: int = Field(description="the worst of their statuses")

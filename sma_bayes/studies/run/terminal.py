@@ -3,20 +3,32 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from sma_bayes.studies.run.schema import StudyDocument
 
 
 def study_text(found: Mapping[str, Any]) -> str:
-    """The steps of a study, a line each."""
+    """The steps of a study, a line each, and where their results are."""
     document = StudyDocument.model_validate(found)
     lines = [f"{document.campaign}, seed {document.seed}"]
     width = max(len(r.step) for r in document.steps)
     for r in document.steps:
         told = r.told or (r.error or "").replace("\n", "\n" + " " * (width + 19))
         lines.append(f"  {r.step:<{width}}  {r.status:<13}  {told}")
+    lines.append(f"{document.wall_s:.1f} s; results in {document.out}{_places(document)}")
     return "\n".join(lines)
+
+
+def _places(document: StudyDocument) -> str:
+    """What a reader opens: the pages of the steps, and the answers to questions."""
+    done = [Path(r.summary) for r in document.steps if r.summary]
+    pages = [(p.parent / "report.html").as_posix() for p in done if p.parent.name != "ask"]
+    answers = [p.as_posix() for p in done if p.parent.name == "ask"]
+    return "".join(
+        f"; {what}: {', '.join(files)}" for what, files in (("pages", pages), ("answers", answers)) if files
+    )
 
 
 def failures(found: Mapping[str, Any]) -> list[str]:

@@ -120,7 +120,7 @@ def run_study(
     with claimed_folder(folder, identity, resume):  # options may change: each step watches over its own
         for step in steps:
             results.append(_result(step, results, tell, strict=study.strict if strict is None else strict))
-            found = _document(study, campaign, results, len(results) == len(steps), clock)
+            found = _document(study, folder, campaign, results, len(results) == len(steps), clock)
             document = sealed(found.as_json())
             write_json(folder / STUDY.file, document)
     return document
@@ -289,11 +289,17 @@ def _told(found: Mapping[str, Any]) -> str:
 
 
 def _document(
-    study: Study, campaign: Campaign, results: Sequence[StatedStep], finished: bool, clock: float
+    study: Study,
+    folder: Path,
+    campaign: Campaign,
+    results: Sequence[StatedStep],
+    finished: bool,
+    clock: float,
 ) -> StudyDocument:
     return StudyDocument(
         schema="sma-bayes/study/1",
         study=str(study.file),
+        out=str(folder),
         campaign=campaign.name,
         source=campaign.source,
         seed=study.seed,

@@ -26,12 +26,14 @@ from sma_bayes.report.figures.sheet import (
     take_power,
 )
 from sma_bayes.studies.plan.schema import ExpectedQuantity, PlanDocument, PlannedCandidate, StoredPlan
-from sma_bayes.studies.plan.words import has_even, hours_text, quantity_name, range_text
+from sma_bayes.studies.plan.words import asked_words, has_even, hours_text, quantity_name, range_text
 
 COLOURS: Final = 8
 """Conditions that have colours of their own."""
 ROWS: Final = 24
 """Quantities that are drawn, those that shrink most."""
+BESIDE: Final = (-0.25, 0.0, 0.25)
+"""Where in the row of a quantity each outcome is, so that equal ones do not hide each other."""
 
 
 def candidates_figure(stored: StoredPlan) -> Drawing:
@@ -72,7 +74,7 @@ def candidates_figure(stored: StoredPlan) -> Drawing:
     if any(c.beyond or not c.fits for c in found.candidates):
         handles.append(dot_handle(INK, "beyond what was measured, or the hours", hollow=True))
     ax.legend(handles=handles, loc="upper left", frameon=False, ncols=1 if len(handles) < 5 else 2)
-    heading(figure, f"Candidates for {found.asked}", "" if found.converged else "NOT CONVERGED")
+    heading(figure, f"Candidates for {asked_words(found)}", "" if found.converged else "NOT CONVERGED")
     caption = (
         "Each dot is a candidate experiment; the line joins those that no shorter one matches. A ring marks the "
         "first in the ranking"
@@ -122,15 +124,15 @@ def narrowing_figure(stored: StoredPlan) -> Drawing:
     known = sorted(found.quantities, key=lambda k: min(one.get((k.key, k.name), 1.0) for one in left))[:ROWS]
     several = len({k.key for k in known}) > 1
     names = [k.key if several and found.kind == "quantity" else quantity_name(k, found) for k in known]
-    figure = empty_sheet(6.8, 1.35 + 0.19 * len(names))
+    figure = empty_sheet(6.8, 1.35 + 0.24 * len(names))
     ax: Axes = panels(figure, 1, 1, left=label_width(names), right=0.2, bottom=0.5, top=0.62)[0, 0]
     name_rows(ax, names, labelled=True)
     ax.axvline(1.0, color=INK, lw=0.6)
     colours = (WARNING, INK, FAINT)
     for place, k in enumerate(known):
-        for one, colour in zip(left, colours, strict=False):
+        for one, colour, beside in zip(left, colours, BESIDE, strict=False):
             value = one.get((k.key, k.name), 1.0)
-            ax.plot(value, place, "o", ms=5, color=colour)
+            ax.plot(value, place + beside, "o", ms=4, color=colour)
     ax.set(xlim=(0.0, 1.08), xlabel="expected width of the interval, over that of now [1]")
     handles = [dot_handle(c, name) for c, (name, _) in zip(colours, parts, strict=False)]
     ax.legend(handles=handles, loc="lower left", bbox_to_anchor=(0.0, 1.0), ncols=3, frameon=False)
