@@ -20,7 +20,6 @@ from sma_bayes.arrays import Floats
 from sma_bayes.fitting.discrepancy import MEDIAN_SIZE, SIGMA_OF_SIZE
 from sma_bayes.fitting.sweep_functions import SweepFunctions
 from sma_bayes.noise import NoiseModel, Steps
-from sma_bayes.noise.base import weighted_products
 
 GREATEST_INFORMATION = 1e14
 """Information about weights, in units of that of their prior, beyond which a point counts as impossible."""
@@ -68,21 +67,14 @@ class Whitened:
         """Normal equations of the weights in units of their prior."""
         noise, shape = self.noise, self.shape
         a = noise.decorrelate(self.e, shape, self.steps)
-        count = noise.location_information(shape)
         inverse = 1.0 / self.scale
-        even = self.scale.shape[1] == 1
         if self.own is not None:
             return _Nested(self, a, inverse)
-        if even and not noise.autocorrelated:
+        if self.scale.shape[1] == 1 and not noise.autocorrelated:
+            count = noise.location_information(shape)
             power = np.einsum("mn,mn->m", self.rows, self.rows)
             return _Apart(self, a, inverse, count[:, None] * (self.size * inverse) ** 2 * power)
-        if even:
-            gram = noise.weighted_gram(self.rows, shape, self.steps) * inverse[:, :, None] ** 2
-        elif not noise.autocorrelated:
-            gram = count[:, None, None] * weighted_products(inverse * inverse, self.rows)
-        else:
-            white = noise.decorrelate(self.rows * inverse[:, None, :], shape[:, None, :], self.steps)
-            gram = count[:, None, None] * (white @ np.swapaxes(white, 1, 2))
+        gram = noise.weighted_gram(self.rows, shape, self.steps, inverse)
         return _Coupled(self, a, inverse, gram * (self.size[:, :, None] * self.size[:, None, :]))
 
     def _likeliest(self, weights: _Weights) -> Floats:
@@ -285,15 +277,8 @@ class _Nested(_Weights):
     def _gram(self, rows: Floats, part: slice) -> Floats:
         """Information (W, m + q, m + q) of the samples of one sweep about weights of rows."""
         w = self.whitened
-        noise, shape = w.noise, w.shape
-        steps = w.steps.part(part)
-        if self.inverse.shape[1] == 1:
-            return np.asarray(noise.weighted_gram(rows, shape, steps) * self.inverse[:, :, None] ** 2)
-        inverse, count = self.inverse[:, part], noise.location_information(shape)[:, None, None]
-        if not noise.autocorrelated:
-            return np.asarray(count * weighted_products(inverse * inverse, rows))
-        white = noise.decorrelate(rows * inverse[:, None, :], shape[:, None, :], steps)
-        return np.asarray(count * (white @ np.swapaxes(white, 1, 2)))
+        inverse = self.inverse if self.inverse.shape[1] == 1 else self.inverse[:, part]
+        return w.noise.weighted_gram(rows, w.shape, w.steps.part(part), inverse)
 
     def _apart(self, v: Floats) -> tuple[Floats, Floats]:
         """Weights of all samples (W, m), and of the sweeps (W, S, q)."""

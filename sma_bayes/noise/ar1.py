@@ -100,13 +100,20 @@ class MemoryNoise(NoiseModel):
     def correlate(self, innovation: Floats, shape: Floats, steps: Steps) -> Floats:
         return memory_series(innovation, self.phi(shape, steps))
 
-    def weighted_gram(self, rows: Floats, shape: Floats, steps: Steps) -> Floats:
-        # products of each sample with itself and with the one before serve all memories
+    def weighted_gram(
+        self, rows: Floats, shape: Floats, steps: Steps, inverse: Floats | None = None
+    ) -> Floats:
+        if inverse is not None and inverse.shape[1] == 1:
+            return super().weighted_gram(rows, shape, steps, inverse)
+        # products of each sample with itself and with the one before serve all memories and scales
         phi = self.phi(shape, steps)
         with np.errstate(divide="ignore", invalid="ignore"):
             own = 1.0 / (1.0 - phi * phi)
             cross = phi * own
             own[..., :-1] += (phi * cross)[..., 1:]
+        if inverse is not None:
+            own *= inverse * inverse
+            cross[..., 1:] *= inverse[..., 1:] * inverse[..., :-1]
         before = np.concatenate([np.zeros((len(rows), 1)), rows[:, :-1]], axis=1)
         now, with_before = (
             pair_products(rows, rows),
@@ -174,7 +181,11 @@ class AR1(MemoryNoise):
             value = -0.5 * quadratic - 0.5 * m * np.log(variance) - n * HALF_LN_2PI
         return np.where(variance > 0.0, value, -np.inf)
 
-    def weighted_gram(self, rows: Floats, shape: Floats, steps: Steps) -> Floats:
+    def weighted_gram(
+        self, rows: Floats, shape: Floats, steps: Steps, inverse: Floats | None = None
+    ) -> Floats:
+        if inverse is not None:
+            return super().weighted_gram(rows, shape, steps, inverse)
         phi = shape[:, 0]
         variance = np.maximum(1.0 - phi * phi, 1e-300)
         first, after = rows[:, steps.first], np.flatnonzero(~steps.first)

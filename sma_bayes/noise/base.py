@@ -227,27 +227,34 @@ class NoiseModel(ABC):
         low, high = (np.take_along_axis(quantile, cell + i, axis=-1) for i in (0, 1))
         return np.asarray(low + (position - cell) * (high - low))
 
-    def weighted_gram(self, rows: Floats, shape: Floats, steps: Steps) -> Floats:
-        """Inner products of series, weighted by the information that noise of unit sd leaves.
+    def weighted_gram(
+        self, rows: Floats, shape: Floats, steps: Steps, inverse: Floats | None = None
+    ) -> Floats:
+        """Inner products of series, weighted by the information that noise leaves.
 
         Parameters
         ----------
         rows : ndarray, shape (m, n)
             Series along the samples.
         shape : ndarray, shape (W, k)
+        inverse : ndarray, shape (W, n) or (W, 1), optional
+            One over the standard deviation of the noise; 1 by default.
 
         Returns
         -------
         ndarray, shape (W, m, m)
-            ``rows @ inv(R) @ rows.T`` for Gaussian noise of correlation R; its expectation under the noise's own
+            ``rows @ inv(R) @ rows.T`` for Gaussian noise of covariance R; its expectation under the noise's own
             density otherwise.
         """
+        if inverse is not None and inverse.shape[1] == 1:
+            return self.weighted_gram(rows, shape, steps) * inverse[:, :, None] ** 2
+        information = self.location_information(shape)[:, None, None]
         if not self.autocorrelated:
-            return np.asarray(self.location_information(shape)[:, None, None] * (rows @ rows.T))
-        white = self.decorrelate(np.broadcast_to(rows, (len(shape), *rows.shape)), shape[:, None, :], steps)
-        return np.asarray(
-            self.location_information(shape)[:, None, None] * (white @ np.swapaxes(white, 1, 2))
-        )
+            products = rows @ rows.T if inverse is None else weighted_products(inverse**2, rows)
+            return np.asarray(information * products)
+        scaled = rows if inverse is None else rows * inverse[:, None, :]
+        white = self.decorrelate(np.broadcast_to(scaled, (len(shape), *rows.shape)), shape[:, None, :], steps)
+        return np.asarray(information * (white @ np.swapaxes(white, 1, 2)))
 
     def shape_candidates(self, steps: Steps) -> Floats:
         """Values (c, k) of the parameters after ``sd``, plausible for such steps, from which `estimate` chooses."""

@@ -83,8 +83,10 @@ class Wrapped(OfSeries):
     def innovations(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
         return self.series.innovations(e, shape, steps)
 
-    def weighted_gram(self, rows: Floats, shape: Floats, steps: Steps) -> Floats:
-        return self.series.weighted_gram(rows, shape, steps)
+    def weighted_gram(
+        self, rows: Floats, shape: Floats, steps: Steps, inverse: Floats | None = None
+    ) -> Floats:
+        return self.series.weighted_gram(rows, shape, steps, inverse)
 
     def shape_candidates(self, steps: Steps) -> Floats:
         return self.series.shape_candidates(steps)

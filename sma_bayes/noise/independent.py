@@ -25,9 +25,6 @@ class Independent(NoiseModel):
     def total_log_density(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
         return np.asarray(-0.5 * np.einsum("...i,...i->...", e, e) - HALF_LN_2PI * e.shape[-1])
 
-    def weighted_gram(self, rows: Floats, shape: Floats, steps: Steps) -> Floats:
-        return np.broadcast_to(rows @ rows.T, (len(shape), len(rows), len(rows)))
-
     def estimate(self, residual: Floats, steps: Steps) -> Floats:
         return np.array([np.sqrt(np.mean(residual**2))])
 

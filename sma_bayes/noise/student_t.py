@@ -90,8 +90,10 @@ class StudentTNoise(OfSeries):
         a = self.decorrelate(e, shape, steps)
         return np.asarray(-np.sign(a) * ndtri(stdtr(self._nu(shape), -np.abs(a))))
 
-    def weighted_gram(self, rows: Floats, shape: Floats, steps: Steps) -> Floats:
-        gram = self.series.weighted_gram(rows, shape, steps)
+    def weighted_gram(
+        self, rows: Floats, shape: Floats, steps: Steps, inverse: Floats | None = None
+    ) -> Floats:
+        gram = self.series.weighted_gram(rows, shape, steps, inverse)
         return np.asarray(self.location_information(shape)[:, None, None] * gram)
 
     def estimate(self, residual: Floats, steps: Steps) -> Floats:

@@ -387,6 +387,20 @@ def test_the_gram_matrix_is_that_of_the_dense_inverse(noise: NoiseModel, shape: 
         np.testing.assert_allclose(each, dense, rtol=1e-8, atol=1e-8 * np.abs(dense).max())
 
 
+@cases(GAUSSIAN)
+@pytest.mark.parametrize("sd", [np.linspace(0.5, 3.0, 25), np.array([0.4])], ids=["uneven", "even"])
+def test_the_gram_matrix_knows_of_the_standard_deviation_of_each_sample(
+    noise: NoiseModel, shape: np.ndarray, sd: np.ndarray
+) -> None:
+    steps = steps_of(25, (0, 10, 11))
+    rows = np.random.default_rng(10).standard_normal((4, 25))
+    covariance = correlation(noise, shape, steps) * np.multiply.outer(np.ones(25) * sd, np.ones(25) * sd)
+    dense = rows @ np.linalg.inv(covariance) @ rows.T
+    found = noise.weighted_gram(rows, np.tile(shape, (3, 1)), steps, np.tile(1.0 / sd, (3, 1)))
+    for each in found:
+        np.testing.assert_allclose(each, dense, rtol=1e-8, atol=1e-8 * np.abs(dense).max())
+
+
 @cases(HEAVY)
 def test_the_gram_matrix_of_heavy_tails_is_the_expected_information(
     noise: NoiseModel, shape: np.ndarray
