@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -140,6 +140,14 @@ def two_steps(
     return added(
         logistic((1.0 - share) * span, rate, midpoint, offset),
         logistic(share * span, sharper * rate, midpoint + apart, 0.0),
+    )
+
+
+def mean_of(curves: Sequence[Curve]) -> Curve:
+    """Mean of several curves at each temperature."""
+    return Curve(
+        lambda t: np.asarray(np.mean([c.value(t) for c in curves], axis=0)),
+        lambda t: np.asarray(np.mean([c.slope(t) for c in curves], axis=0)),
     )
 
 

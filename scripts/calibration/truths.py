@@ -19,6 +19,7 @@ from calibration.curves import (
     Floats,
     hardening,
     logistic,
+    mean_of,
     phase_slopes,
     ratio,
     richards,
@@ -32,6 +33,11 @@ from sma_bayes.records.types import Branch, Campaign, Condition, Record
 LEVELS = (0.0025, 0.015)
 """Standard deviations of the noise over the range of the channel."""
 SAMPLES = (60, 100, 200)
+SWEEPS = (4, 5, 8)
+"""Sweeps of a record in which they differ."""
+IN_A_SWEEP = 40
+POPULATION = 400
+"""Sweeps over which the mean curve of all that might come is taken."""
 UNITS = {"temperature": "degC", "time": "s", "force": "N", "displacement": "m", "stiffness": "N/m"}
 READINGS = 5
 """Fresh sweeps of readings that a predictive band is held against."""
@@ -228,6 +234,55 @@ def shaped(shape: Callable[[Design, np.random.Generator], Callable[..., Curve]])
     return make
 
 
+def differing_sweeps(repeat: int, rng: np.random.Generator, data: Path) -> Case:
+    """Several sweeps of the displacement, each with an offset, stroke, place, width and second step of its own.
+
+    The truth is the mean of all sweeps that might come; readings anew are of other sweeps.
+    """
+    design = Design.of(repeat, rng)
+    span = 0.02 * np.exp(0.3 * rng.standard_normal())
+    apart = rng.choice((-1.0, 1.0)) * rng.uniform(4.0, 6.0) / design.rate
+    # standard deviations: 1.5 % and 3 % of the span, 0.15/rate, 8 % of the rate, 3 % of the span
+    moves = rng.uniform(0.5, 1.5) * np.array([0.015 * span, 0.03, 0.15 / design.rate, 0.08, 0.03])
+    temperature = np.linspace(design.low, design.high, IN_A_SWEEP)
+    if design.branch is Branch.COOLING:
+        temperature = temperature[::-1]
+
+    def drawn(rng: np.random.Generator) -> Curve:
+        offset, stroke, place, width, second = moves * rng.standard_normal(5)
+        return two_steps(
+            span * (1.0 + stroke), design.rate * np.exp(width), design.middle + place, 0.001 + offset,
+            0.15 + second, apart, 1.5,
+        )  # fmt: skip
+
+    def read(rng: np.random.Generator) -> Floats:
+        noise = noises.white(rng, np.zeros(IN_A_SWEEP))
+        return np.asarray(drawn(rng).value(temperature) + design.level * span * noise)
+
+    sweeps = SWEEPS[repeat % len(SWEEPS)]
+    record = Record(
+        Condition("truth"),
+        design.branch,
+        {
+            "temperature": np.tile(temperature, sweeps),
+            "time": np.arange(float(sweeps * IN_A_SWEEP)),
+            "segment": np.repeat(np.arange(float(sweeps)), IN_A_SWEEP),
+        },
+        {"displacement": np.concatenate([read(rng) for _ in range(sweeps)])},
+        np.arange(sweeps * IN_A_SWEEP) + 2,
+        {k: UNITS[k] for k in ("temperature", "time", "displacement")},
+    )
+    mean = mean_of([drawn(rng) for _ in range(POPULATION)])
+    name = "differing sweeps"
+    return Case(
+        Campaign(name, name, "", (record,)),
+        {"displacement": mean},
+        None,
+        lambda rng: (temperature, {"displacement": read(rng)}),
+        design.level,
+    )
+
+
 def _phase_slopes(design: Design, rng: np.random.Generator) -> Callable[..., Curve]:
     """Over the sweep each phase moves by 3 to 10 % of the span, either way."""
     cold, hot = rng.choice((-1.0, 1.0), 2) * rng.uniform(0.03, 0.1, 2) / (design.high - design.low)
@@ -327,6 +382,7 @@ TRUTHS: dict[str, Truth] = {
     "second_step": Truth("a second step of 15 %", shaped(_second_step)),
     "richards": Truth("Richards' curve, ν = 0.4", shaped(_richards)),
     "hardening": Truth("smooth hardening (Lagoudas et al. 2012)", shaped(_hardening)),
+    "differing_sweeps": Truth("4, 5 or 8 sweeps that differ, second steps of some 15 %", differing_sweeps),
     "simulated_loop": Truth("a loop of `simcoon`'s law", simulated_loop, "simcoon"),
     "real_scatter": Truth("scatter of real sweeps on the smooth curves through them", real_scatter, "data"),
     "real_residuals": Truth(

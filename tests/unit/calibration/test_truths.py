@@ -73,7 +73,9 @@ def test_a_truth_makes_the_same_record_again(name: str, repeat: int) -> None:
 
 
 SEEN_DIRECTLY = [
-    n for n, t in TRUTHS.items() if not t.needs and n != "rounded" and not n.startswith("temperature")
+    n
+    for n, t in TRUTHS.items()
+    if not t.needs and n not in ("rounded", "differing_sweeps") and not n.startswith("temperature")
 ]
 
 
@@ -88,6 +90,19 @@ def test_readings_scatter_as_stated(name: str) -> None:
         level = np.std([y[channel] - curve.value(t) for y in again]) / span
         # noise that grows is of unit variance where the transformation passes evenly, which no sweep does
         assert level == pytest.approx(LEVELS[1], rel={"growing": 0.3, "student_t": 0.2}.get(name, 0.06))
+
+
+def test_readings_of_sweeps_that_differ_scatter_about_their_mean_curve() -> None:
+    case = TRUTHS["differing_sweeps"].make(0, np.random.default_rng(seed_of("differing_sweeps", 0)), NOWHERE)
+    rng = np.random.default_rng(0)
+    (logged, *_), again = zip(*(case.again(rng) for _ in range(400)), strict=True)
+    readings = np.stack([y["displacement"] for y in again])
+    spread = readings.std(axis=0)
+    truth = case.curves["displacement"].value(logged)
+    # both means are of 400 sweeps: 4 of their standard errors, false once in 400 for 40 temperatures
+    assert np.all(np.abs(readings.mean(axis=0) - truth) < 4.0 * spread * np.sqrt(2.0 / 400.0))
+    assert spread.min() > 2.0 * case.level * np.ptp(truth)
+    assert np.unique(case.record.inputs["segment"]).size == 4
 
 
 @pytest.mark.parametrize("name", [n for n in TRUTHS if n.startswith("temperature")])
