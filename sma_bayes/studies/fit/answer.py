@@ -8,8 +8,9 @@ from typing import Final
 from sma_bayes.assess.adequacy import remedy
 from sma_bayes.errors import first_of
 from sma_bayes.quantities import SPECIMEN_QUANTITY
-from sma_bayes.report.content import INTERVAL, Content, Estimate, RecordContent
-from sma_bayes.report.tables import Cell, Column, Table, words
+from sma_bayes.report.content import INTERVAL, Content, Estimate, Number, RecordContent
+from sma_bayes.report.notation import NORMAL_90, unit_label
+from sma_bayes.report.tables import OF_ROW, Cell, Column, Table, words
 from sma_bayes.studies.fit.findings import finding_groups
 from sma_bayes.studies.fit.inadequate import NAMED, reason_groups
 
@@ -56,6 +57,53 @@ def _answer_table(part: Content, number: int) -> Table:
         ),
         tuple(rows),
     )
+
+
+def spread_tables(content: Content) -> tuple[Table, ...]:
+    """What the answers of many records span, a row for each quantity of a branch, a table for each set of units."""
+    return tuple(_spread_table(answer) for answer in answer_tables(content))
+
+
+def _spread_table(answer: Table) -> Table:
+    keys = [c.key for c in answer.columns]
+    condition, branch = keys.index("condition"), keys.index("branch")
+    rows: list[tuple[Cell, ...]] = []
+    for of in dict.fromkeys(row[branch] for row in answer.rows):
+        for place, column in enumerate(answer.columns):
+            told = [
+                (c, row[condition]) for row in answer.rows if row[branch] == of and (c := _told(row[place]))
+            ]
+            if told:
+                told.sort(key=lambda t: t[0].value or 0.0)
+                (low, whose), (high, whose_high) = told[0], told[-1]
+                middle = told[(len(told) - 1) // 2][0]
+                unit = unit_label(low.unit) or "1"
+                rows.append((of, column.name, unit, low, whose, middle, high, whose_high, len(told)))
+    return Table(
+        answer.name.replace("answer", "answer-spread"),
+        "All records at a glance",
+        "Posterior medians over the records: the lowest, the one in the middle, and the highest. Hysteresis stands "
+        "with the first branch of a condition.",
+        (
+            *words("branch", "quantity", "unit"),
+            Column("lowest", "lowest", OF_ROW),
+            Column("of", "lowest_of"),
+            Column("middle", "middle", OF_ROW),
+            Column("highest", "highest", OF_ROW),
+            Column("of", "highest_of"),
+            Column("records", "records"),
+        ),
+        tuple(rows),
+    )
+
+
+def _told(cell: Cell) -> Number | None:
+    """Median of an estimate with the digits that its interval bears; None where there is none."""
+    if not isinstance(cell, Estimate) or cell.median is None:
+        return None
+    width = None if cell.q05 is None or cell.q95 is None else (cell.q95 - cell.q05) / NORMAL_90
+    sure = width is None or width < abs(cell.median)
+    return Number(cell.median, cell.unit, width if sure else abs(cell.median))
 
 
 def _of_stiffness(part: Content) -> str:

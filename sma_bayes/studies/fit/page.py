@@ -27,7 +27,7 @@ from sma_bayes.report.tables import Cell, Column, Table, report_tables, words
 from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL
 from sma_bayes.runs.fit_document import CHECK_TAIL
 from sma_bayes.runs.store import write_text
-from sma_bayes.studies.fit.answer import answer_tables, next_steps
+from sma_bayes.studies.fit.answer import answer_tables, next_steps, spread_tables
 from sma_bayes.studies.fit.findings import finding_groups
 from sma_bayes.studies.fit.methods import methods_text
 
@@ -160,6 +160,7 @@ def render(
         noise_groups=noise_groups(content),
         parts=content.by_units(),
         answers=answer_tables(content),
+        spreads=spread_tables(content) if content.paged else (),
         steps=next_steps(content),
         by_path=_by_path_message(content.converged),
         noise_table=_narrow(tables["noise"]),

@@ -21,7 +21,7 @@ from sma_bayes.runs.jobs import run
 from sma_bayes.runs.outputs import StoredRun, band_of, posterior_of, read_run
 from sma_bayes.runs.store import write_text
 from sma_bayes.runs.stored_draws import draws_of
-from sma_bayes.studies.fit.answer import answer_tables
+from sma_bayes.studies.fit.answer import answer_tables, spread_tables
 from sma_bayes.studies.fit.figures.averages import average_figure
 from sma_bayes.studies.fit.figures.campaign import (
     correlation_figure,
@@ -55,6 +55,8 @@ def build_report(folder: Path, wanted: ReportOptions) -> None:
     figures = draw_all(folder, tasks, wanted.formats, wanted.jobs, wanted.tell, spent)
     with spent.timed("report"):
         tables = report_tables(content) | {t.name: t for t in answer_tables(content)}
+        if content.paged:
+            tables |= {t.name: t for t in spread_tables(content)}
         tables |= self_check_tables(stored.summary)
         if content.truth:
             tables["truth"] = truth_table(content)

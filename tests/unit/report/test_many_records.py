@@ -10,8 +10,9 @@ import pytest
 
 from sma_bayes.report import content as content_module
 from sma_bayes.report.choice import figures_for
-from sma_bayes.report.content import Content
+from sma_bayes.report.content import Content, RecordContent
 from sma_bayes.report.tables import report_tables
+from sma_bayes.studies.fit.answer import spread_tables
 from sma_bayes.studies.fit.page import SHOWN, render, render_index
 from sma_bayes.studies.report.build import build_report
 
@@ -85,3 +86,42 @@ def test_figures_are_those_of_the_report_unless_all_or_none_are_asked_for() -> N
     assert [figures_for(c) for c in (False, "none")] == ["none", "none"]
     with pytest.raises(Exception, match=r"no choice of figures 'al'\n.*'all'"):
         figures_for("al")
+
+
+def test_the_first_screen_answers_for_all_records(content: Content) -> None:
+    """It had the first twenty of two hundred, and nobody knew where the others are."""
+    long = many(content, 60)
+    page = render(long, report_tables(long), {})
+    first = page[page.index('<h2 id="answer">') : page.index('<h3 id="next">')]
+    assert first.index("All records at a glance") < first.index("Stiffness and transformation")
+    (table,) = spread_tables(long)
+    keys = [c.key for c in table.columns]
+    rows = [dict(zip(keys, row, strict=True)) for row in table.rows]
+    assert {row["records"] for row in rows} == {60}
+    assert {row["branch"] for row in rows} == {"heating", "cooling"}
+    for row in rows:
+        low, middle, high = (row[k] for k in ("lowest", "middle", "highest"))
+        assert low.value <= middle.value <= high.value
+
+
+def test_the_lowest_and_the_highest_are_named(content: Content) -> None:
+    def shifted(r: RecordContent, by: float) -> RecordContent:
+        moved = {
+            name: t.model_copy(update={"median": t.median + by, "q05": t.q05 + by, "q95": t.q95 + by})
+            for name, t in r.document.transformation.items()
+        }
+        return replace(r, document=r.document.model_copy(update={"transformation": moved}))
+
+    long = many(content, 9)
+    long = replace(long, records=tuple(shifted(r, float((5 * i) % 7)) for i, r in enumerate(long.records)))
+    (table,) = spread_tables(long)
+    keys = [c.key for c in table.columns]
+    rows = [dict(zip(keys, row, strict=True)) for row in table.rows]
+    (start,) = (row for row in rows if (row["branch"], row["quantity"]) == ("heating", "start"))
+    answers = {
+        r.condition: r.document.transformation["As"].median for r in long.records if r.branch == "heating"
+    }
+    assert start["lowest_of"] == min(answers, key=answers.__getitem__)
+    assert start["lowest"].value == min(answers.values())
+    assert start["highest"].value == max(answers.values()) == answers[start["highest_of"]]
+    assert start["middle"].value == sorted(answers.values())[4]
