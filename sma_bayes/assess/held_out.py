@@ -113,7 +113,8 @@ def evaluated_on(posterior: Posterior, record: Record) -> Posterior:
     """The same at other samples, for given weights: the functions of the discrepancy stay as they are."""
     bases = {
         c: replace(
-            DiscrepancyBasis.tabulated(b.temperature, b.values, record.temperature), own=own_of(b, record)
+            DiscrepancyBasis.tabulated(b.temperature, b.values, record.temperature),
+            sweep_functions=own_of(b, record),
         )
         for c, b in posterior.discrepancy[0].items()
     }
@@ -122,9 +123,11 @@ def evaluated_on(posterior: Posterior, record: Record) -> Posterior:
 
 def own_of(basis: DiscrepancyBasis, record: Record) -> SweepFunctions | None:
     """What sweeps of other samples have of their own, where those of the basis have anything."""
-    if basis.own is None:
+    if basis.sweep_functions is None:
         return None
-    return SweepFunctions.tabulated(basis.own.temperature, basis.own.values, record.inputs)
+    return SweepFunctions.tabulated(
+        basis.sweep_functions.temperature, basis.sweep_functions.values, record.inputs
+    )
 
 
 def density_of(

@@ -233,7 +233,9 @@ def _tangents(fit: Fit, record: int) -> dict[str, Floats]:
 def _of_its_own(fit: Fit, record: int) -> dict[str, Floats]:
     """What functions of a sweep alone, of unit size, do to innovations at the median: channel to (q, n)."""
     bases = fit.posterior.discrepancy[record]
-    rows = {c: basis.own.samples for c, basis in bases.items() if basis.own is not None}
+    rows = {
+        c: basis.sweep_functions.samples for c, basis in bases.items() if basis.sweep_functions is not None
+    }
     return _as_innovations(fit, record, rows) if rows else {}
 
 

@@ -102,19 +102,23 @@ class DiscrepancyBasis:
     rows : ndarray, shape (m, n)
         Basis functions at the samples of the record, orthogonal to each other; zero where the samples see nothing of
         one, as of what happens in a gap between them.
-    own : SweepFunctions or None
+    sweep_functions : SweepFunctions or None
         What each sweep has of its own beside it; None where sweeps are alike.
     """
 
     temperature: Floats
     values: Floats
     rows: Floats
-    own: SweepFunctions | None = None
+    sweep_functions: SweepFunctions | None = None
 
     @property
-    def all_rows(self) -> Floats:
+    def rows_with_sweeps(self) -> Floats:
         """Basis functions at the samples, then those of the sweep that each is of, shape (m, n) or (m + q, n)."""
-        return self.rows if self.own is None else np.concatenate([self.rows, self.own.samples])
+        return (
+            self.rows
+            if self.sweep_functions is None
+            else np.concatenate([self.rows, self.sweep_functions.samples])
+        )
 
     @staticmethod
     def tabulated(nodes: Floats, values: Floats, temperature: Floats) -> DiscrepancyBasis:
@@ -127,7 +131,9 @@ class DiscrepancyBasis:
         square = np.sum(self.rows**2, axis=1)
         scale = square ** (0.5 * power)
         scale = scale * np.sqrt(square.sum() / np.sum(scale**2 * square))
-        return DiscrepancyBasis(self.temperature, self.values * scale, self.rows * scale[:, None], self.own)
+        return DiscrepancyBasis(
+            self.temperature, self.values * scale, self.rows * scale[:, None], self.sweep_functions
+        )
 
     @property
     def count(self) -> int:

@@ -47,7 +47,7 @@ class Whitened:
         Basis functions at the samples, orthogonal to each other.
     size : ndarray, shape (W, m) or (W, 1)
         Standard deviation of each weight a priori [unit of the channel].
-    own : SweepFunctions or None
+    sweep_functions : SweepFunctions or None
         What each sweep has of its own. Its weights, S of q functions, follow those of the rows.
     between : ndarray, shape (W,), or None
         Standard deviation of these [unit of the channel].
@@ -60,7 +60,7 @@ class Whitened:
     scale: Floats
     rows: Floats
     size: Floats
-    own: SweepFunctions | None = None
+    sweep_functions: SweepFunctions | None = None
     between: Floats | None = None
 
     def _system(self) -> _Weights:
@@ -68,8 +68,8 @@ class Whitened:
         noise, shape = self.noise, self.shape
         a = noise.decorrelate(self.e, shape, self.steps)
         inverse = 1.0 / self.scale
-        if self.own is not None:
-            return _Nested(self, a, inverse)
+        if self.sweep_functions is not None:
+            return _WithSweeps(self, a, inverse)
         if self.scale.shape[1] == 1 and not noise.autocorrelated:
             count = noise.location_information(shape)
             power = np.einsum("mn,mn->m", self.rows, self.rows)
@@ -235,7 +235,7 @@ class _Coupled(_Weights):
         return self._back(rng.standard_normal(self.root.shape[:2]).T.copy())
 
 
-class _Nested(_Weights):
+class _WithSweeps(_Weights):
     """Weights of all samples, and of each sweep alone: those of one sweep know of another's through the first alone.
 
     Weights of sweeps are eliminated sweep by sweep, so that what this costs grows with the number of samples. With
@@ -250,10 +250,10 @@ class _Nested(_Weights):
 
     def __init__(self, whitened: Whitened, a: Floats, inverse: Floats) -> None:
         super().__init__(whitened, a, inverse)
-        own, between = whitened.own, whitened.between
+        own, between = whitened.sweep_functions, whitened.between
         assert own is not None
         assert between is not None
-        self.own = own
+        self.sweep_functions = own
         self.own_size = between[:, None, None]
         m, q = len(whitened.rows), len(own.samples)
         size = np.broadcast_to(whitened.size, (len(a), m))
@@ -288,14 +288,18 @@ class _Nested(_Weights):
     def project(self, innovation: Floats) -> Floats:
         w = self.whitened
         back = w.noise.decorrelate_adjoint(innovation, w.shape, w.steps) * self.inverse
-        starts = [part.start for part in self.own.parts]
-        of_sweeps = np.add.reduceat(back[:, None, :] * self.own.samples, starts, axis=2) * self.own_size
+        starts = [part.start for part in self.sweep_functions.parts]
+        of_sweeps = (
+            np.add.reduceat(back[:, None, :] * self.sweep_functions.samples, starts, axis=2) * self.own_size
+        )
         joined = np.swapaxes(of_sweeps, 1, 2).reshape(len(back), -1)
         return np.concatenate([(back @ w.rows.T) * w.size, joined], axis=1)
 
     def series(self, v: Floats) -> Floats:
         common, own = self._apart(v)
-        of_sweeps = np.einsum("wnq,qn->wn", (own * self.own_size)[:, self.own.sweep], self.own.samples)
+        of_sweeps = np.einsum(
+            "wnq,qn->wn", (own * self.own_size)[:, self.sweep_functions.sweep], self.sweep_functions.samples
+        )
         return np.asarray(((common * self.whitened.size) @ self.whitened.rows + of_sweeps) * self.inverse)
 
     def solve(self, right: Floats) -> Floats:

@@ -329,7 +329,7 @@ class _Description:
 
 def _sweeps_apart(bases: Sequence[Mapping[str, DiscrepancyBasis]]) -> bool:
     """Whether sweeps have something of their own beside any discrepancy."""
-    return any(basis.own is not None for own in bases for basis in own.values())
+    return any(basis.sweep_functions is not None for own in bases for basis in own.values())
 
 
 @dataclass(frozen=True, slots=True)
@@ -413,7 +413,7 @@ class _Residuals:
                 with np.errstate(all="ignore"):
                     tangents = [model.jacobian(theta, x)[channel][:, free] for x in (record.inputs, at_nodes)]
                 found[channel] = replace(
-                    basis, own=SweepFunctions.of(record.inputs, basis.temperature, *tangents)
+                    basis, sweep_functions=SweepFunctions.of(record.inputs, basis.temperature, *tangents)
                 )
             bases.append(found)
         if not _sweeps_apart(bases):
@@ -613,7 +613,7 @@ def _space(
     if basis is not None:
         size = len(facts)
         facts.append(size_fact(channel, record.units[channel]))
-        if basis.own is not None:
+        if basis.sweep_functions is not None:
             between = len(facts)
             facts.append(between_sweeps_fact(channel, record.units[channel]))
     if noise.feels_temperature:
@@ -686,10 +686,7 @@ class _ResidualDensity:
         with np.errstate(all="ignore"):
             whitened = self._whitened(theta)
             found = whitened.likeliest_weights()
-            missed = found @ whitened.rows / whitened.scale
-            if whitened.own is not None:
-                missed = whitened.likeliest_series()
-            e = whitened.e - missed
+            e = whitened.e - whitened.likeliest_series()
             innovations = np.nan_to_num(self.noise.innovations(e, whitened.shape, self.steps)[0])
         if self.basis is None or not np.isfinite(found).all():
             return None, innovations
@@ -712,7 +709,7 @@ class _ResidualDensity:
             rows = np.concatenate([self.basis.rows, rows])
             size = np.repeat(theta[:, self.slots.size, None], self.basis.count, axis=1)
             if self.slots.between is not None:
-                own, between = self.basis.own, theta[:, self.slots.between]
+                own, between = self.basis.sweep_functions, theta[:, self.slots.between]
             sizes = np.concatenate([size, sizes], axis=1)
         e = self.residual / scale
         return Whitened(self.noise, shape, self.steps, e, scale, rows, sizes, own, between)

@@ -98,7 +98,7 @@ class NormalEquations:
                 elif channel in place.between:
                     sizes = (theta[:, places[channel]] for places in (place.size, place.between))
                     ratios = (per_variance * size**2 for size in sizes)
-                    own = self.posterior.discrepancy[record][channel].own
+                    own = self.posterior.discrepancy[record][channel].sweep_functions
                     assert own is not None  # a size stands for it
                     gram, volume = self._without_sweeps(rows, basis, shape, steps, own, *ratios)
                     log_volume += volume

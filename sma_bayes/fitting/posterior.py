@@ -423,11 +423,13 @@ class Posterior:
     def _sweeps_differ(self, record: int, channel: str) -> bool:
         """Whether sweeps have anything of their own."""
         basis = self.discrepancy[record].get(channel)
-        return basis is not None and basis.own is not None and channel in self.layout[record].between
+        return (
+            basis is not None and basis.sweep_functions is not None and channel in self.layout[record].between
+        )
 
     def _between(self, theta: Floats, record: int, channel: str) -> tuple[Floats, SweepFunctions]:
         """Size (W,) of what sweeps have of their own, and the functions of which it is made."""
-        own = self.discrepancy[record][channel].own
+        own = self.discrepancy[record][channel].sweep_functions
         assert own is not None  # a size stands for it
         return theta[:, self.layout[record].between[channel]], own
 
@@ -522,9 +524,7 @@ class Posterior:
         missed: Floats = np.zeros(1)
         if channel in self.discrepancy[record]:
             whitened = self._whitened(theta[None], record, channel, e, scale)
-            missed = whitened.likeliest_weights() @ whitened.rows
-            if whitened.own is not None:
-                missed = whitened.likeliest_series() * scale
+            missed = whitened.likeliest_series() * scale
         left = noise.decorrelate(e - missed / scale, shape, steps)
         pull = noise.score(left, shape) / noise.location_information(shape)[:, None]
         return np.asarray((noise.correlate(pull, shape, steps) * scale + missed)[0])
@@ -646,7 +646,7 @@ class Posterior:
         place, basis = self.layout[record], self.discrepancy[record][channel]
         shape = self.noise_shape(theta, record, channel)
         apart = self._sweeps_differ(record, channel)
-        own, between = (basis.own, theta[:, place.between[channel]]) if apart else (None, None)
+        own, between = (basis.sweep_functions, theta[:, place.between[channel]]) if apart else (None, None)
         size = theta[:, place.size[channel], None]
         return Whitened(self.noise, shape, self.steps[record], e, scale, basis.rows, size, own, between)
 
@@ -688,7 +688,7 @@ class Posterior:
         for bases in self.discrepancy:
             for channel, basis in sorted(bases.items()):
                 digest.update(channel.encode())
-                digest.update(np.ascontiguousarray(basis.all_rows).tobytes())
+                digest.update(np.ascontiguousarray(basis.rows_with_sweeps).tobytes())
         digest.update(f"{self.model.name} {self.model.channels} {self.noise.name}".encode())
         digest.update(repr(sorted(versions().items())).encode())
         return digest.hexdigest()
@@ -842,7 +842,7 @@ def build_posterior(
             places[channel] = np.array([add(fact) for fact in facts_of_noise], dtype=np.intp)
             if channel in bases:
                 sizes[channel] = add(size_fact(channel, record.units[channel]))
-                if bases[channel].own is not None:
+                if bases[channel].sweep_functions is not None:
                     between[channel] = add(between_sweeps_fact(channel, record.units[channel]))
         felt = add(temperature_sd_fact(record.units["temperature"])) if noise.feels_temperature else None
         layout.append(ParameterIndex(shared, places, sizes, felt, between))

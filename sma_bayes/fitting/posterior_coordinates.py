@@ -236,7 +236,7 @@ class NoiseScaledCoordinates:
                     residual = posterior.working_residual(theta, r, channel, residual, scales[channel])
                 blocks[channel] = np.concatenate([(down @ slope).T, residual[None]]) / scales[channel]
                 if channel in posterior.discrepancy[r]:
-                    own[channel] = posterior.discrepancy[r][channel].all_rows / scales[channel]
+                    own[channel] = posterior.discrepancy[r][channel].rows_with_sweeps / scales[channel]
             rows.append(blocks)
             bases.append(own)
         sd = space.prior_sd()[:count]

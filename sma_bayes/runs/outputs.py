@@ -132,7 +132,7 @@ class StoredRecord:
         for c, (nodes, values, _) in self.discrepancy.items():
             own = self.sweep_functions.get(c)
             apart = None if own is None else SweepFunctions.tabulated(nodes, own, self.inputs)
-            found[c] = replace(DiscrepancyBasis.tabulated(nodes, values, at), own=apart)
+            found[c] = replace(DiscrepancyBasis.tabulated(nodes, values, at), sweep_functions=apart)
         return found
 
 

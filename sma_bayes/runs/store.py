@@ -320,7 +320,7 @@ def _constants(fit: Fit, record: int, points: Mapping[str, Variable]) -> Variabl
     values = {
         f"{c}{FUNCTIONS}": Variable((f"{c}{NODE}", f"{c}{FUNCTION}"), b.values) for c, b in bases.items()
     }
-    owns = {c: b.own for c, b in bases.items() if b.own is not None}
+    owns = {c: b.sweep_functions for c, b in bases.items() if b.sweep_functions is not None}
     coords |= axes(**{f"{c}{OF_SWEEP}": np.arange(own.values.shape[1]) for c, own in owns.items()})
     values |= {
         f"{c}{OF_SWEEPS}": Variable((f"{c}{NODE}", f"{c}{OF_SWEEP}"), own.values) for c, own in owns.items()

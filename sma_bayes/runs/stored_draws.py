@@ -92,7 +92,7 @@ def _posterior(summary: RecordSummary, stored: StoredRecord) -> Posterior:
         if channel in bases:
             sizes[channel] = len(names)
             names.append(size_fact(channel, record.units[channel]).name)
-            if bases[channel].own is not None:
+            if bases[channel].sweep_functions is not None:
                 between[channel] = len(names)
                 names.append(between_sweeps_fact(channel, record.units[channel]).name)
     felt = None

@@ -54,7 +54,7 @@ def basis_of(record: Record) -> DiscrepancyBasis:
     nodes = np.linspace(20.0, 80.0, 31)
     values = np.stack([np.sin(0.1 * k * nodes) for k in (1, 2, 3)], axis=1)
     own = SweepFunctions.of(record.inputs, nodes, tangents(record.temperature), tangents(nodes))
-    return replace(DiscrepancyBasis.tabulated(nodes, values, record.temperature), own=own)
+    return replace(DiscrepancyBasis.tabulated(nodes, values, record.temperature), sweep_functions=own)
 
 
 @pytest.mark.parametrize("even", [True, False], ids=["even", "growing"])
@@ -63,20 +63,31 @@ def test_the_density_is_that_of_the_whole_covariance(name: str, shape: list[floa
     """Sweep by sweep, against SciPy's density of all samples at once, and its conditional mean."""
     record = measured(1, sweeps=3)
     basis, rng = basis_of(record), np.random.default_rng(2)
-    assert basis.own is not None
+    assert basis.sweep_functions is not None
     noise, steps, n = NOISE_MODELS[name], Steps.of(record), record.n
     scale = np.full((1, 1), 0.4) if even else rng.uniform(0.2, 0.6, (1, n))
     residual = rng.standard_normal((1, n))
     size, between = np.array([[0.3]]), np.array([0.8])
     whitened = Whitened(
-        noise, np.array([shape]), steps, residual / scale, scale, basis.rows, size, basis.own, between
+        noise,
+        np.array([shape]),
+        steps,
+        residual / scale,
+        scale,
+        basis.rows,
+        size,
+        basis.sweep_functions,
+        between,
     )
     same = sweeps_of(record.inputs)[:, None] == sweeps_of(record.inputs)
     lag = np.abs(np.subtract.outer(np.arange(n), np.arange(n)))
     noisy = (
         same * (shape[0] ** lag if shape else np.eye(n)) * np.outer(*(np.broadcast_to(scale, (1, n))[0],) * 2)
     )
-    beside = size[0, 0] ** 2 * basis.rows.T @ basis.rows + between[0] ** 2 * basis.own.rows.T @ basis.own.rows
+    beside = (
+        size[0, 0] ** 2 * basis.rows.T @ basis.rows
+        + between[0] ** 2 * basis.sweep_functions.rows.T @ basis.sweep_functions.rows
+    )
     expected = multivariate_normal(cov=noisy + beside).logpdf(residual[0])
     assert whitened.marginal_log_density()[0] == pytest.approx(expected, rel=1e-10)
     likeliest = beside @ np.linalg.solve(noisy + beside, residual[0])
@@ -87,15 +98,15 @@ def test_weights_are_drawn_from_their_posterior() -> None:
     """Means and standard deviations of 20,000 draws, each within 4.5 standard errors: one of 100,000 false."""
     record = measured(3, sweeps=3)
     basis, rng, count = basis_of(record), np.random.default_rng(4), 20_000
-    assert basis.own is not None
+    assert basis.sweep_functions is not None
     e = np.tile(rng.standard_normal(record.n), (count, 1))
     whitened = Whitened(
         NOISE_MODELS["independent"], np.empty((count, 0)), Steps.of(record), e, np.ones((count, 1)),
-        basis.rows, np.full((count, 1), 0.3), basis.own, np.full(count, 0.8),
+        basis.rows, np.full((count, 1), 0.3), basis.sweep_functions, np.full(count, 0.8),
     )  # fmt: skip
     drawn = whitened.draw_weights(rng)
-    every = np.concatenate([basis.rows, basis.own.rows])
-    prior = np.repeat([0.3**-2, 0.8**-2], [len(basis.rows), len(basis.own.rows)])
+    every = np.concatenate([basis.rows, basis.sweep_functions.rows])
+    prior = np.repeat([0.3**-2, 0.8**-2], [len(basis.rows), len(basis.sweep_functions.rows)])
     covariance = np.linalg.inv(every @ every.T + np.diag(prior))
     mean, sd = (covariance @ every @ e[0])[:3], np.sqrt(np.diag(covariance))[:3]
     assert np.abs(drawn.mean(axis=0) - mean).max() < 4.5 * sd.max() / np.sqrt(count)
@@ -106,17 +117,27 @@ def test_normal_equations_eliminate_sweeps_as_the_whole_covariance_does() -> Non
     """Inner products of rows under noise and all that stands beside the curve, and the volume of that."""
     record = measured(5, sweeps=3)
     basis, rng = basis_of(record), np.random.default_rng(6)
-    assert basis.own is not None
+    assert basis.sweep_functions is not None
     posterior = build_posterior([record], NOISE_MODELS["ar1"], DEFAULT)
     rows = rng.standard_normal((4, record.n))
     equations = NormalEquations(posterior, 3, (), (), np.eye(3), np.zeros(3))
     steps = Steps.of(record)
     gram, volume = equations._without_sweeps(
-        rows, basis.all_rows, np.array([[0.6]]), steps, basis.own, np.array([0.5]), np.array([2.0])
+        rows,
+        basis.rows_with_sweeps,
+        np.array([[0.6]]),
+        steps,
+        basis.sweep_functions,
+        np.array([0.5]),
+        np.array([2.0]),
     )
     same = sweeps_of(record.inputs)[:, None] == sweeps_of(record.inputs)
     noisy = same * 0.6 ** np.abs(np.subtract.outer(np.arange(record.n), np.arange(record.n)))
-    whole = noisy + 0.5 * basis.rows.T @ basis.rows + 2.0 * basis.own.rows.T @ basis.own.rows
+    whole = (
+        noisy
+        + 0.5 * basis.rows.T @ basis.rows
+        + 2.0 * basis.sweep_functions.rows.T @ basis.sweep_functions.rows
+    )
     assert gram[0] == pytest.approx(rows @ np.linalg.solve(whole, rows.T), rel=1e-8)
     more = np.linalg.slogdet(whole)[1] - np.linalg.slogdet(noisy)[1]
     assert volume[0] == pytest.approx(0.5 * more, rel=1e-9)
@@ -170,8 +191,8 @@ def test_a_posterior_that_is_made_for_other_samples_keeps_its_sweeps(fit: Fit) -
     own = own_of(basis, rest)
     assert own is not None
     assert len(own.parts) == SWEEPS
-    assert basis.own is not None
-    assert own.samples == pytest.approx(basis.own.samples[:, kept])
+    assert basis.sweep_functions is not None
+    assert own.samples == pytest.approx(basis.sweep_functions.samples[:, kept])
 
 
 def tangents(t: Floats) -> Floats:
@@ -208,7 +229,7 @@ def test_a_parameter_without_effect_and_one_with_that_of_another_make_no_functio
 def test_sweeps_that_are_alike_are_not_said_to_differ(seed: int) -> None:
     """Of sweeps that are alike it may be said in one of a hundred: all six pass but once in seventeen sets of seeds."""
     found = fit_records([measured(seed, apart=0.0)], DEFAULT)
-    assert all(basis.own is None for basis in found.posterior.discrepancy[0].values())
+    assert all(basis.sweep_functions is None for basis in found.posterior.discrepancy[0].values())
 
 
 @pytest.mark.slow
