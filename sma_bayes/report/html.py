@@ -42,6 +42,8 @@ from sma_bayes.runs.store import write_text
 
 _PERCENT: Final = re.compile(r"(?<![=\w.−-])(\d+(?:\.\d+)?)%")
 """A percentage in a sentence; not one in an option of a command."""
+_BEFORE_UNIT: Final = re.compile(r"(?<=\d) (?=[°A-Za-z%]\S*$)")
+"""The blank between a number and the unit that ends a cell."""
 TALL: Final = 600
 """Height above which a figure is printed on a page of its own [pixel]."""
 
@@ -230,10 +232,16 @@ def _header_text(column: Column, power: int | None = None) -> Markup:
 
 
 def _cell_text(cell: Cell, power: int | None = None) -> str:
-    """A cell as people read it; an estimate may be broken before its interval, not within."""
+    """A cell as people read it; an estimate may be broken before its interval, not within, a number not from its unit.
+
+    Examples
+    --------
+    >>> _cell_text("2 K/min") == "2\u00a0K/min"
+    True
+    """
     text = cell_text(cell, power)
     if not isinstance(cell, Estimate):
-        return text
+        return _BEFORE_UNIT.sub("\u00a0", text)
     median, bracket, interval = text.partition(" [")
     return median.replace(" ", "\u00a0") + bracket + interval.replace(" ", "\u00a0")
 

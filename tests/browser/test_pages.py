@@ -8,6 +8,7 @@ import json
 import re
 import shutil
 import subprocess
+from collections import Counter
 from dataclasses import replace
 from importlib import resources
 from pathlib import Path
@@ -324,6 +325,18 @@ def test_a_printed_page_has_no_more_pages_than_it_needs(report: Path, tmp_path: 
     assert 3 <= pages <= 25
 
 
+def linked_pages(printed: Path) -> list[set[bytes]]:
+    """Of each page of a PDF file the names that its links lead to."""
+    data = printed.read_bytes()
+    linked = dict(
+        re.findall(rb"(\d+) 0 obj\n<</Type /Annot\b[^(]*/URI \(https://example.org/([\w-]+)\)", data)
+    )
+    return [
+        {linked[number] for number in re.findall(rb"(\d+) 0 R", found)}
+        for found in re.findall(rb"/Annots \[([^]]*)\]", data)
+    ]
+
+
 def test_headings_of_a_table_are_printed_on_the_page_of_its_first_row(tmp_path: Path) -> None:
     """Wherever on a page a table begins; links tell on which page what they stand in is printed."""
     style = (resources.files("sma_bayes.report") / "templates" / "report.css").read_text(encoding="utf-8")
@@ -345,16 +358,35 @@ def test_headings_of_a_table_are_printed_on_the_page_of_its_first_row(tmp_path: 
     page, out = tmp_path / "page.html", tmp_path / "page.pdf"
     page.write_text(f"<!DOCTYPE html><style>{style}</style>{tables}", encoding="utf-8")
     browser(f"--print-to-pdf={out}", page.as_uri())
-    printed = out.read_bytes()
-    linked = dict(
-        re.findall(rb"(\d+) 0 obj\n<</Type /Annot\b[^(]*/URI \(https://example.org/([\w-]+)\)", printed)
-    )
-    pages = [
-        {linked[number].partition(b"-")[::2] for number in re.findall(rb"(\d+) 0 R", found)}
-        for found in re.findall(rb"/Annots \[([^]]*)\]", printed)
-    ]
+    pages = [{name.partition(b"-")[::2] for name in names} for names in linked_pages(out)]
     assert {key for names in pages for kind, key in names if kind == b"row"} == {
         key for names in pages for kind, key in names
     }
     alone = {(kind, key) for names in pages for kind, key in names if (b"row", key) not in names}
     assert not alone
+
+
+def test_no_row_of_a_table_is_printed_alone(tmp_path: Path) -> None:
+    """Of a table that is longer than what is left of a page one row was on the next, under the head again."""
+    style = (resources.files("sma_bayes.report") / "templates" / "report.css").read_text(encoding="utf-8")
+    tables = "".join(
+        f'<div style="break-before: page; height: {above}mm"></div><table><thead><tr><th>head</th></tr></thead><tbody>'
+        + "".join(
+            f'<tr><td><a href="https://example.org/row-{above}-{n}">{n}</a></td></tr>' for n in range(8)
+        )
+        + "</tbody></table>"
+        for above in range(200, 250)
+    )
+    page, out = tmp_path / "page.html", tmp_path / "page.pdf"
+    page.write_text(f"<!DOCTYPE html><style>{style}</style>{tables}", encoding="utf-8")
+    browser(f"--print-to-pdf={out}", page.as_uri())
+    rows = [
+        [key for kind, key in (name.partition(b"-")[::2] for name in names) if kind == b"row"]
+        for names in linked_pages(out)
+    ]
+    counts = [Counter(key.partition(b"-")[0] for key in some) for some in rows]
+    assert sum(c.total() for c in counts) == 50 * 8
+    assert max(sum(key in c for c in counts) for key in {k for c in counts for k in c}) == 2, (
+        "some are broken"
+    )
+    assert not [key for c in counts for key, n in c.items() if n == 1]

@@ -61,6 +61,11 @@ def _sweeps(card: ConstitutiveCard) -> Table:
     )
 
 
+def _two_digits(error: float | None, unit: str) -> Number:
+    """An error, of which more digits tell nothing."""
+    return Number(error, unit, 0.5 * abs(error or 0.0) or None)
+
+
 def _stiffness(found: CardDocument) -> Table:
     return table_of(
         "tables",
@@ -75,9 +80,9 @@ def _stiffness(found: CardDocument) -> Table:
         (Column("rows", "rows"), lambda t, degrees: t.points),
         (Column("from", "first"), lambda t, degrees: f"{t.first:.5g} {degrees}"),
         (Column("step", "step"), lambda t, degrees: f"{t.step:.4g} {degrees}"),
-        (Column("error", "error", OF_ROW), lambda t, degrees: Number(t.interpolation_error, t.unit, 1e-9)),
+        (Column("error", "error", OF_ROW), lambda t, degrees: _two_digits(t.interpolation_error, t.unit)),
         (
             Column("over the stiffness", "relative", "1"),
-            lambda t, degrees: Number(t.relative_error, "1", 1e-5),
+            lambda t, degrees: _two_digits(t.relative_error, "1"),
         ),
     )
