@@ -162,7 +162,7 @@ def test_beyond_what_was_measured_nothing_is_told_unless_asked(
         (("--at", "60 degC, 80 degC"), "is more than one"),
         (("--at", "60 N"), "wrong kind"),
         (("--at", "hot"), "a number with its unit"),
-        ((*AT, "--force", "1 N"), "values and temperatures are asked for"),
+        ((*AT, "--force", "1 N"), "error: force and temperatures are asked for at once"),
         ((*AT, "--unit", "Pa"), "is of no quantity of the fit"),
         (("--force", "1 N", "--unit", "mN"), "without --at"),
     ],

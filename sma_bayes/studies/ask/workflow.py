@@ -188,8 +188,9 @@ def ask(
     wanted = {channel: value for channel, value in given.items() if value is not None}
     asked = [at] if isinstance(at, str) else list(at or ())
     if len(wanted) + bool(asked) != 1:
+        names = [name.replace("_", " ") for name in wanted] + ["temperatures"] * bool(asked)
         raise SmaBayesError(
-            f"{len(wanted)} values{' and temperatures' if asked else ''} are asked for"
+            f"{', '.join(names[:-1])} and {names[-1]} are asked for at once"
             if wanted or asked
             else "no value is asked for",
             expected=f"exactly one of {', '.join(WANTED)}, such as --stiffness '130 N/m', or --at '60 degC'",

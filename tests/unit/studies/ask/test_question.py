@@ -240,7 +240,7 @@ def test_records_that_cannot_tell_are_named(folder: Path) -> None:
     ("asked", "error", "told"),
     [
         ({}, SmaBayesError, "no value is asked for"),
-        ({"force": "1 N", "stiffness": "1 N/m"}, SmaBayesError, "2 values are asked for"),
+        ({"force": "1 N", "stiffness": "1 N/m"}, SmaBayesError, "stiffness and force are asked for at once"),
         ({"stiffness": "150"}, QuantityError, "has no unit"),
         ({"stiffness": "150 N"}, QuantityError, "wrong kind"),
         ({"stiffness": "150 N/furlng"}, QuantityError, "not known"),
