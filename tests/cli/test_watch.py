@@ -387,6 +387,23 @@ def test_limits_are_refused_before_there_are_cycles_enough_to_tell(
     assert told in outcome.err
 
 
+def test_of_one_fitted_and_one_watched_cycle(run: Run, tmp_path: Path, watched_spring: ModuleType) -> None:
+    """The page said that no limit was asked for, and its first cycle was between 0.60 and 1.50."""
+    rig, rng, out = watched_spring.PLAIN, np.random.default_rng(1), tmp_path / "watch"
+    campaign = sma_bayes.read_campaign(rig.campaign(tmp_path / "bench", rng, 1))
+    sma_bayes.fit_campaign(campaign, tmp_path / "results", jobs=1, figures="none", noise="independent")
+    watched_spring.write(tmp_path / "next.csv", [rig.cycle(rng)])
+    outcome = run(
+        "watch", tmp_path / "results", tmp_path / "next.csv", "--out", out, "--limit", "stroke=-20%"
+    )
+    assert outcome.status == 0, outcome.err
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert "Not known yet: remaining cycles are told from three cycles on." in page
+    assert "No limit was asked for" not in page
+    (ax,) = evidence_figure(read_finished(WATCH, WatchDocument, out, in_declared_units)).figure.axes
+    assert [t for t in ax.get_xticks() if 0.5 <= t <= 1.5] == [1.0]
+
+
 def test_a_watch_of_another_fit_or_alpha_is_refused(run: Run, place: Path, out: Path) -> None:
     outcome = run("watch", place / "results", "--out", out, "--alpha", "0.05")
     assert outcome.status == 2

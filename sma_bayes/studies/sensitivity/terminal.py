@@ -67,12 +67,17 @@ def _cells(q: QuantitySensitivity, swept: bool, doubled: bool) -> list[str]:
         f"{interval_text(q.median, q.q05, q.q95)} {unit}".rstrip(),
         _number(q.prior),
         _number(q.likelihood),
-        "-" if q.without_prior is None else f"{q.without_prior:+.2f}",
+        "-" if q.without_prior is None else _moved(q.without_prior),
         diagnosis,
-        *(["-" if sweep is None else f"{sweep[0]}: {sweep[1]:+.2f}"] if swept else []),
-        "-" if q.reading is None else f"{q.reading.row}: {q.reading.change or 0.0:+.2f}",
+        *(["-" if sweep is None else f"{sweep[0]}: {_moved(sweep[1])}"] if swept else []),
+        "-" if q.reading is None else f"{q.reading.row}: {_moved(q.reading.change or 0.0)}",
         *(["-" if width is None else f"× {width:.2f}"] if doubled else []),
     ]
+
+
+def _moved(sds: float) -> str:
+    """By how many standard deviations a number moves; what rounds to nought has no sign."""
+    return f"{sds:+.2f}" if abs(sds) >= 0.005 else "0.00"
 
 
 def _number(value: float | None) -> str:

@@ -27,6 +27,8 @@ HISTORY: Final = 200
 DRAWS: Final = 1000
 FEWEST: Final = 3
 """Cycles, fitted or watched, from which a course is told."""
+NOT_YET: Final = "remaining cycles are told from three cycles on"
+"""What is said of limits before there are so many."""
 AT_TEMPERATURE: Final = ("stiffness", "force", "displacement", "modulus", "stress", "strain")
 EXAMPLE: Final = "such as 'stroke=-20%', 'shift=5 K', 'stiffness@60 degC=500 N/m'"
 

@@ -10,6 +10,7 @@ from sma_bayes.runs.documents import WATCH
 from sma_bayes.runs.finished_run import read_finished
 from sma_bayes.runs.shown import in_declared_units
 from sma_bayes.studies.watch.figures.watched import evidence_figure, numbers_figure
+from sma_bayes.studies.watch.remaining import NOT_YET
 from sma_bayes.studies.watch.schema import WatchDocument
 from sma_bayes.studies.watch.tables import watch_tables
 
@@ -18,7 +19,9 @@ def build_report(folder: Path, wanted: ReportOptions) -> None:
     """Write the report of a watch; see `sma_bayes.report.choice.ReportBuilder`."""
     stored = read_finished(WATCH, WatchDocument, folder, in_declared_units)
     drawings = [evidence_figure, numbers_figure] if wanted.drawn != "none" and stored.found.cycles else []
-    assemble(__package__, stored, wanted, drawings, watch_tables, command=command(stored.found))
+    assemble(
+        __package__, stored, wanted, drawings, watch_tables, command=command(stored.found), not_yet=NOT_YET
+    )
 
 
 def command(found: WatchDocument) -> str:

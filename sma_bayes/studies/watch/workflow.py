@@ -38,7 +38,14 @@ from sma_bayes.studies.watch.reading import (
     stored_declaration,
 )
 from sma_bayes.studies.watch.reference import WATCHED, Reference, reference_of
-from sma_bayes.studies.watch.remaining import WatchLimit, limit_of, remaining_cycles, require_known
+from sma_bayes.studies.watch.remaining import (
+    FEWEST,
+    NOT_YET,
+    WatchLimit,
+    limit_of,
+    remaining_cycles,
+    require_known,
+)
 from sma_bayes.studies.watch.schema import WatchFindings
 from sma_bayes.studies.watch.state import (
     CountedCycle,
@@ -329,8 +336,8 @@ class Watch:
             f"{key}: the common curve of the fitted sweeps has not settled"
             for key in dict.fromkeys(unsettled)
         ]
-        if self.limits and self.reference.fitted + len(self.state.cycles) < 3:
-            out.append("remaining cycles are told from three cycles on")
+        if self.limits and self.reference.fitted + len(self.state.cycles) < FEWEST:
+            out.append(NOT_YET)
         return out
 
 

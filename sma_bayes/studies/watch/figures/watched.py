@@ -48,7 +48,7 @@ def evidence_figure(stored: StoredWatch) -> Drawing:
         ax.axvline(found.alarm.cycle, color=ALARM, lw=0.7, ls=":")
     low, high = min(float(total.min()), -1.0), max(float(total.max()), needed)
     ax.set(ylim=(low - 0.6, high + 0.12 * (high - low) + 0.4), xlim=(0.5, cycle[-1] + 0.5))
-    ax.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=8))
+    ax.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=8, min_n_ticks=1))
     ax.set(xlabel="watched cycle", ylabel="evidence, log10 e")
     ax.annotate(
         f"alarm at {1.0 / found.alpha:.4g}", (cycle[-1] + 0.5, needed), (-4, 3), textcoords="offset points",
@@ -92,7 +92,7 @@ def numbers_figure(stored: StoredWatch) -> Drawing:
             if found.alarm is not None:
                 ax.axvline(found.alarm.cycle, color=ALARM, lw=0.7, ls=":")
             ax.set(xlabel="watched cycle", xlim=(cycle[0] - 0.5, cycle[-1] + 0.5))
-            ax.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=6))
+            ax.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=6, min_n_ticks=1))
             power = take_power(ax.yaxis)
             ax.set_title(f"{channel} {name} [{in_units_of(power, own[0].unit)}]", fontsize=7.5)
             if own[0].normal_low[-1] is None:
