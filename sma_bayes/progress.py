@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import sys
 import threading
 import time
@@ -41,11 +42,15 @@ class LogLines:
         others will take.
     file : file
         Where lines go.
+    at_once : int
+        Tasks that may run at the same time, by default one for each core: until so many are done, those that are under
+        way have taken time of which nobody knows how much is left.
     """
 
     every: float = LINE_S
     tasks: bool = True
     file: TextIO = field(default_factory=lambda: sys.stderr)
+    at_once: int = field(default_factory=lambda: os.cpu_count() or 1)
     _begun: float = field(default_factory=lambda: time.monotonic(), init=False)
     _line: float = field(default=0.0, init=False)
     _last: str = field(default="", init=False)
@@ -55,7 +60,7 @@ class LogLines:
         """Tell a step."""
         elapsed = self.elapsed
         self._last = f"{done} of {total}: {message}"
-        if self.tasks and done and not self._announced:
+        if self.tasks and done >= self.at_once and not self._announced:
             self._announced = True
             left = elapsed / done * (total - done)
             if left > NOTED_S:

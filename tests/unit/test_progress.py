@@ -43,11 +43,27 @@ def test_a_short_run_prints_nothing(clock: Callable[[float], None]) -> None:
     assert out.getvalue() == ""
 
 
+def test_what_is_left_is_not_told_before_as_many_are_done_as_run_at_once(
+    clock: Callable[[float], None],
+) -> None:
+    """Of two that run side by side the second is nearly done, too, when the first is."""
+    out = io.StringIO()
+    lines = LogLines(file=out, at_once=2)
+    for passed, done in ((75.0, 1), (5.0, 2), (70.0, 3)):
+        clock(passed)
+        lines(done, 4, f"sampled r{done}")
+    assert out.getvalue().splitlines() == [
+        "[75 s] 1 of 4: sampled r1",
+        "[80 s] 2 of 4: sampled r2; the rest takes about 80 s more",
+        "[2 min 30 s] 3 of 4: sampled r3",
+    ]
+
+
 def test_a_long_run_says_what_the_rest_takes_and_then_a_line_each_half_minute(
     clock: Callable[[float], None],
 ) -> None:
     out = io.StringIO()
-    lines = LogLines(file=out)
+    lines = LogLines(file=out, at_once=1)
     for done in range(1, 41):
         clock(10.0)
         lines(done, 40, f"sampled r{done}")
