@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 from typing import Final
 
-from sma_bayes.assess.adequacy import remedy
+from sma_bayes.assess.adequacy import DiscrepancySummary, remedy
 from sma_bayes.errors import first_of
 from sma_bayes.quantities import SPECIMEN_QUANTITY
 from sma_bayes.report.content import INTERVAL, Content, Estimate, Number, RecordContent
@@ -190,6 +190,7 @@ def _next_steps(content: Content) -> Iterator[str]:
         if finding.severity == "serious":
             where = f" ({', '.join(finding.conditions[:3])})" if finding.conditions else ""
             yield f"Check the measurements{where}: {finding.message}"
+    yield from _differing_sweeps(content)
     told = [r for r in content.converged if r.document.path.kind not in TRIVIAL and not r.stiffness_withheld]
     some = next((r for r in told if r.channel("stiffness") is not None), None)
     if some is not None:
@@ -201,9 +202,49 @@ def _next_steps(content: Content) -> Iterator[str]:
         if medians:
             value = sum(medians) / len(medians)
             yield f'Which temperature gives a {name}? `sma-bayes ask DIR --{name} "{value:.2g} {channel.unit}"`'
+    else:
+        yield from _asked_at(content)
     if varied := _varied_settings(content):
         verb = "does" if len(varied) == 1 else "do"
         yield f"What {verb} {' and '.join(varied)} do? `sma-bayes conditions DIR --out NEW`"
+
+
+def _differing_sweeps(content: Content) -> Iterator[str]:
+    """That sweeps of a record do not repeat each other, in the channel in which they differ most."""
+    found = [
+        (m.between_sweeps, r, channel)
+        for r in content.converged
+        for channel, m in r.document.discrepancy.items()
+        if m.between_sweeps is not None
+    ]
+    if not found:
+        return
+    size, r, channel = max(found, key=lambda x: _of_range(x[0], x[1].document.discrepancy[x[2]]))
+    unit = unit_label(r.document.discrepancy[channel].unit)
+    names = _names(list({r.key: r for _, r, _ in found}.values()))
+    yield (
+        f"{names}: sweeps do not repeat each other ({r.name_of(channel)} by {size:.2g} {unit} rms in {r.key}); the "
+        "curve is their mean. What changes from cycle to cycle? `sma-bayes cycles FILE --out NEW`"
+    )
+
+
+def _of_range(size: float, missed: DiscrepancySummary) -> float:
+    """A size over the range of the channel."""
+    return size * missed.share / abs(missed.largest) if missed.largest else 0.0
+
+
+def _asked_at(content: Content) -> Iterator[str]:
+    """A question about the middle of a transformation, where there is no stiffness to ask for."""
+    for r in content.converged:
+        ends = [t.median for t in r.document.transformation.values() if t.median is not None]
+        if ends and r.document.path.kind not in TRIVIAL:
+            middle = sum(ends) / len(ends)
+            channel = next(iter(r.document.transformation.values())).channel
+            yield (
+                f"What is the {r.name_of(channel)} at a temperature, and the next reading? "
+                f'`sma-bayes ask DIR --at "{middle:.3g} {r.temperature_unit}"`'
+            )
+            return
 
 
 def _varied_settings(content: Content) -> list[str]:

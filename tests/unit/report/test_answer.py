@@ -5,7 +5,9 @@ from __future__ import annotations
 from dataclasses import replace
 from typing import Any
 
-from sma_bayes.assess.adequacy import Reason
+import pytest
+
+from sma_bayes.assess.adequacy import DiscrepancySummary, Reason
 from sma_bayes.assess.path import PathRemark
 from sma_bayes.report.content import Content, Estimate, RecordContent
 from sma_bayes.runs.schema import FindingDocument
@@ -104,6 +106,34 @@ def test_only_settings_that_vary_are_asked_about(content: Content) -> None:
     assert [s for s in next_steps(loads) if s.startswith("What does load do? `sma-bayes conditions")]
     same = with_settings(*({"load": 1.0, "current": 2.0},) * 2)
     assert not [s for s in next_steps(same) if "sma-bayes conditions" in s]
+
+
+def test_sweeps_that_differ_are_told_where_they_differ_most_and_followed_by_cycles(content: Content) -> None:
+    def missed(between: float | None) -> DiscrepancySummary:
+        return DiscrepancySummary(
+            unit="mm", rms=0.1, largest=0.2, at=50.0, share=0.02, ln_bayes_factor=9.0, between_sweeps=between
+        )
+
+    def with_sweeps(*between: float | None) -> Content:
+        own = (
+            told(r, discrepancy={r.channels[0].channel: missed(b)})
+            for r, b in zip(content.records, between, strict=True)
+        )
+        return replace(content, records=tuple(own))
+
+    first, second = (r.key for r in content.records[:2])
+    rest = (None,) * (len(content.records) - 2)
+    (step,) = (s for s in next_steps(with_sweeps(0.3, 0.812, *rest)) if "sma-bayes cycles" in s)
+    assert step.startswith(f"{first}, {second}: ")
+    assert f"by 0.81 mm rms in {second}" in step
+    assert not [s for s in next_steps(with_sweeps(None, None, *rest)) if "sma-bayes cycles" in s]
+
+
+def test_without_a_stiffness_the_channel_is_asked_for(content: Content) -> None:
+    bare = replace(content, records=tuple(replace(r, channels=r.channels[:1]) for r in content.records))
+    ends = [t.median for t in bare.records[0].document.transformation.values() if t.median is not None]
+    (ask,) = (s for s in next_steps(bare) if "sma-bayes ask" in s)
+    assert float(ask.split('"')[1].split()[0]) == pytest.approx(sum(ends) / 2, rel=0.01)
 
 
 def test_a_negative_hysteresis_is_the_thermometers(content: Content) -> None:
