@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from importlib import resources
 from typing import Any
 
 import numpy as np
@@ -75,3 +76,10 @@ def test_the_density_of_a_one_sided_prior_stays_on_its_side(sign: float):
     density = prior_density(prior, grid)
     assert np.all(density[grid * sign <= 0.0] == 0.0)
     assert density.sum() * (grid[1] - grid[0]) == pytest.approx(1.0, abs=0.01)
+
+
+def test_a_page_speaks_of_functions_without_a_mechanism() -> None:
+    """It called them meaningless, as if that were a finding about the measurements."""
+    page = resources.files("sma_bayes.studies.gap").joinpath("page.html.j2").read_text(encoding="utf-8")
+    assert "smooth function without a mechanism" in page
+    assert "meaningless" not in page

@@ -83,7 +83,7 @@ def ladder_figure(study: StoredStudy) -> Drawing:
     _gap(gap, study.part.gap, ADDED if study.effects else "#8fa3b5")
     handles = [
         Patch(color=ADDED, label="effect, added"), Patch(color="#8fa3b5", label="effect, not added"),
-        Patch(facecolor="white", edgecolor=FAINT, hatch="////", lw=0.5, label="f(.): flexible term without meaning"),
+        Patch(facecolor="white", edgecolor=FAINT, hatch="////", lw=0.5, label="f(.): smooth term without a mechanism"),
         Line2D([], [], color=GUARD, marker="|", ms=8, mew=1.6, ls="none", label="flexible term in its place"),
         Line2D([], [], color=INK, lw=0.8, ls="--", label=f"least that is added, {worth:g}"),
     ]  # fmt: skip
