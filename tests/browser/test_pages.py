@@ -20,6 +20,8 @@ from PIL import Image
 
 from sma_bayes import compare, fit_campaign, modulus, study_gap
 from sma_bayes.paper.twin import twin_campaign
+from sma_bayes.report.html import page_environment
+from sma_bayes.report.tables import Column, Table
 
 BROWSER = next(filter(None, map(shutil.which, ("chromium", "chromium-browser", "google-chrome"))), None)
 pytestmark = pytest.mark.skipif(BROWSER is None, reason="no Chromium on this machine")
@@ -390,3 +392,21 @@ def test_no_row_of_a_table_is_printed_alone(tmp_path: Path) -> None:
         "some are broken"
     )
     assert not [key for c in counts for key, n in c.items() if n == 1]
+
+
+def test_rows_of_a_group_are_printed_under_its_name(tmp_path: Path) -> None:
+    """Rows that went on over a page stood there without what they are of."""
+    rows = tuple((f"group {g}", f"{g}-{r}") for g in range(30) for r in range(7))
+    table = Table("t", "A table", "", (Column("group", "group"), Column("row", "row")), rows, grouped=1)
+    template = page_environment("sma_bayes.studies.cycles").from_string(
+        '{% from "macros.html.j2" import table with context %}'
+        "<!DOCTYPE html><style>{{ style }}</style>{{ table(t) }}"
+    )
+    text = template.render(t=table, pictures={})
+    page, out = tmp_path / "page.html", tmp_path / "page.pdf"
+    linked = re.sub(r">(\d+-\d+)<", r'><a href="https://example.org/\1">\1</a><', text)
+    page.write_text(linked, encoding="utf-8")
+    browser(f"--print-to-pdf={out}", page.as_uri())
+    pages = [{name.partition(b"-")[0] for name in names} for names in linked_pages(out)]
+    assert len(pages) > 2
+    assert sum(map(len, pages)) == 30, "each group is on one page"

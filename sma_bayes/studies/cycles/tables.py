@@ -152,7 +152,7 @@ def _curves(conditions: tuple[ConditionCycles, ...], temperature_unit: str) -> T
     )  # fmt: skip
     rows = tuple(
         (
-            c.condition, k.branch, k.channel, k.model, unit_label(k.unit) or "1",
+            c.condition, k.branch, k.channel, k.model.replace("_", " "), unit_label(k.unit) or "1",
             Number(k.midpoint, temperature_unit, 0.01), Number(k.level, k.unit, k.noise),
             Number(k.span, k.unit, k.noise),
             Number(k.missed, "1", 1e-4), Number(k.lag1_correlation, "1", 0.01),

@@ -284,6 +284,11 @@ def _law(pooled: Pooled) -> LawOfTraining:
     )
 
 
+def _spoken(law: str) -> str:
+    """A law of training in a sentence."""
+    return "stretched exponential" if law == "stretched" else law
+
+
 def _reason(pooled: Pooled, best: Law, n0: IntervalDocument | None) -> str:
     p = pooled.posterior
     if n0 is None:
@@ -291,14 +296,15 @@ def _reason(pooled: Pooled, best: Law, n0: IntervalDocument | None) -> str:
     gain = p.ln_evidence[best]
     if p.chosen == NONE:
         return (
-            f"no law: {best} gains {gain:.1f} in ln evidence over free changes of each sweep, "
+            f"no law: the {_spoken(best)} one gains {gain:.1f} in ln evidence over free changes of each sweep, "
             f"and {EARNED:g} are needed"
         )
     low, middle, high = n0.quantiles
     other = max((form for form in FORMS if form != best), key=lambda form: p.ln_evidence[form])
+    lead = f"{gain - p.ln_evidence[other]:.1f} more than the {_spoken(other)} law"
     return (
-        f"{best}, N0 = {middle:.2g} cycles ({low:.2g} to {high:.2g}): {gain:.1f} more in ln "
-        f"evidence than free changes of each sweep, {gain - p.ln_evidence[other]:.1f} more than the law {other!r}"
+        f"{_spoken(best)}, N0 = {middle:.2g} cycles ({low:.2g} to {high:.2g}): {gain:.1f} more in ln "
+        f"evidence than free changes of each sweep, {lead}"
     )
 
 
