@@ -302,6 +302,30 @@ def test_a_small_table_does_not_squeeze_its_caption(tmp_path: Path) -> None:
     assert float(found[1]) > 300.0
 
 
+def test_a_sentence_in_a_table_does_not_stretch_its_row_on_a_narrow_page(tmp_path: Path) -> None:
+    """It was broken after every second word, beyond the edge, and what was seen of the table was mostly empty."""
+    style = (resources.files("sma_bayes.report") / "templates" / "report.css").read_text(encoding="utf-8")
+    cells = "<td>100g-heating</td>" * 6 + f"<td class='wide'>{'why this one is preferred ' * 6}</td>"
+    page, harness = tmp_path / "page.html", tmp_path / "harness.html"
+    page.write_text(
+        '<!DOCTYPE html><meta name="viewport" content="width=device-width, initial-scale=1">'
+        f"<style>{style}</style><div class='scroll'><table><tbody><tr>{cells}</tr></tbody></table></div>",
+        encoding="utf-8",
+    )
+    harness.write_text(
+        f"<!DOCTYPE html><iframe src='{page.as_uri()}' style='width: 390px; border: 0'></iframe><pre id='found'></pre>"
+        "<script>window.onload = () => { document.getElementById('found').textContent = "
+        "document.querySelector('iframe').contentDocument.querySelector('tr').getBoundingClientRect().height; };</script>",
+        encoding="utf-8",
+    )
+    told = browser(
+        "--allow-file-access-from-files", "--virtual-time-budget=5000", "--dump-dom", harness.as_uri()
+    )
+    found = re.search(r"<pre id=.found.>([\d.]+)</pre>", told.stdout)
+    assert found is not None
+    assert float(found[1]) < 80.0, "four lines at most"
+
+
 def bright_share(page: Path, place: Path, scheme: int) -> float:
     """Share of a page that is nearly white, as the browser shows it."""
     shot = place / f"shot-{scheme}.png"
