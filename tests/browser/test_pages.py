@@ -314,8 +314,9 @@ def test_a_sentence_in_a_table_does_not_stretch_its_row_on_a_narrow_page(tmp_pat
     )
     harness.write_text(
         f"<!DOCTYPE html><iframe src='{page.as_uri()}' style='width: 390px; border: 0'></iframe><pre id='found'></pre>"
-        "<script>window.onload = () => { document.getElementById('found').textContent = "
-        "document.querySelector('iframe').contentDocument.querySelector('tr').getBoundingClientRect().height; };</script>",
+        "<script>window.onload = () => { const page = document.querySelector('iframe').contentDocument;"
+        "document.getElementById('found').textContent = page.querySelector('tr').getBoundingClientRect().height; };"
+        "</script>",
         encoding="utf-8",
     )
     told = browser(
