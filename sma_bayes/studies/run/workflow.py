@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import time
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
@@ -54,6 +55,8 @@ class _Step:
         From what the summary holds to what was found, in a few words.
     run : callable
         Told the progress; gives what the summary holds.
+    keys : tuple of str
+        What its table in a study file may say.
     """
 
     name: str
@@ -61,6 +64,7 @@ class _Step:
     needs: str
     told: Callable[[Mapping[str, Any]], str]
     run: Callable[[Progress], dict[str, Any]]
+    keys: tuple[str, ...] = ()
 
 
 def run_study(
@@ -226,7 +230,9 @@ def _steps(
         taken = {k: v for k, v in shared.items() if k in signature(step.call).parameters}
         place = step.folder or kind
         call = partial(step.call, source, out=folder / place, **taken, **given)
-        steps.append(_Step(kind, f"{place}/{step.document.file}", needs, step.told, partial(_called, call)))
+        keys = tuple(field.alias or name for name, field in step.table.model_fields.items())
+        summary = f"{place}/{step.document.file}"
+        steps.append(_Step(kind, summary, needs, step.told, partial(_called, call), keys))
     for number, asked in enumerate(study.asks, start=1):
         summary = f"ask/{number}.json"
         run = partial(_asked, folder / "fit", folder / summary, asked)
@@ -260,7 +266,13 @@ def _result(step: _Step, before: Sequence[StatedStep], tell: Progress, *, strict
         ) from None
     except SmaBayesError as error:
         of_step(1, 1, "failed")
-        return _stated(step, STATUS[WRONG], WRONG, time.perf_counter() - clock, error=str(error))
+        return _stated(
+            step,
+            STATUS[WRONG],
+            WRONG,
+            time.perf_counter() - clock,
+            error=in_keys(str(error), step.name, step.keys),
+        )
     status = DONE if found["converged"] else NOT_CONVERGED
     word = STATUS[status]
     if found["converged"] and found.get("exit_status", DONE) != DONE:
@@ -269,6 +281,21 @@ def _result(step: _Step, before: Sequence[StatedStep], tell: Progress, *, strict
         word, status = INADEQUATE, NOT_CONVERGED
     wall_s, told = time.perf_counter() - clock, step.told(found)
     return _stated(step, word, status, wall_s, summary=step.summary, schema=found["schema"], told=told)
+
+
+def in_keys(message: str, step: str, keys: Sequence[str]) -> str:
+    """A message that names options of a command by the keys of a step; commands in backquotes stay as they are.
+
+    Examples
+    --------
+    >>> in_keys("name it with --condition, or use `sma-bayes watch --condition`", "watch", ["condition"])
+    'name it with `condition` in [watch], or use `sma-bayes watch --condition`'
+    """
+    parts = message.split("`")
+    for key in keys:
+        option = re.compile(rf"(?<!\S)--{re.escape(key.replace('_', '-'))}(?![\w-])")
+        parts[::2] = [option.sub(f"`{key}` in [{step}]", part) for part in parts[::2]]
+    return "`".join(parts)
 
 
 def _stated(step: _Step, status: str, exit_status: int, wall_s: float, **told: str) -> StatedStep:
