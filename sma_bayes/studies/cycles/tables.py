@@ -100,7 +100,7 @@ def _held_out(conditions: tuple[ConditionCycles, ...]) -> Table:
     )  # fmt: skip
     rows = tuple(
         (
-            c.condition, h.branch, h.channel, _span(h.trained), _span(h.held_out), Number(h.rmse, "1", 1e-3),
+            c.condition, h.branch, h.channel, span(h.trained), span(h.held_out), Number(h.rmse, "1", 1e-3),
             Number(h.rmse_last, "1", 1e-3), _share(h.covered), _share(h.numbers_covered),
         )
         for c in conditions for h in c.held_out
@@ -109,7 +109,8 @@ def _held_out(conditions: tuple[ConditionCycles, ...]) -> Table:
     return Table("held_out", "Later cycles, forecast from earlier ones", note, columns, rows, 1)
 
 
-def _span(cycles: tuple[float, ...]) -> str:
+def span(cycles: tuple[float, ...]) -> str:
+    """First and last of some cycles, or the only one."""
     return f"{cycles[0]:g}–{cycles[-1]:g}" if len(cycles) > 1 else f"{cycles[0]:g}"
 
 

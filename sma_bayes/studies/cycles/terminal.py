@@ -10,6 +10,7 @@ from sma_bayes.report.notation import interval_text, unit_label
 from sma_bayes.report.screen import SHOWN, Screen, numbers, screen, show_end, titled
 from sma_bayes.runs.shown import in_declared_units
 from sma_bayes.studies.cycles.schema import ConditionCycles, CyclesDocument, QuantityByCycle
+from sma_bayes.studies.cycles.tables import span
 
 COLUMNS: Final = 7
 """Quantities side by side, at most; the report has all of them."""
@@ -49,7 +50,8 @@ def _show_condition(console: Screen, one: ConditionCycles, temperature_unit: str
     console.tell(f"law of training: {one.law.reason}")
     console.tell(
         *(
-            f"cycles {_span(h.held_out)} forecast from {_span(h.trained)}, {h.branch}, {h.channel}: misses "
+            f"cycle{'s' if len(h.held_out) > 1 else ''} {span(h.held_out)} forecast from {span(h.trained)}, "
+            f"{h.branch}, {h.channel}: misses "
             f"{h.rmse:.2%} of the range (the last curve {h.rmse_last:.2%}); "
             f"{h.covered:.0%} of the samples in their 90 % intervals"
             for h in one.held_out
@@ -97,7 +99,3 @@ def shown_rows(measured: int, cycles: int) -> list[int | None]:
 
 def _first_and_last(rows: range, most: int) -> list[int | None]:
     return [*rows] if len(rows) <= most else [*rows[: most // 2], None, *rows[-most // 2 :]]
-
-
-def _span(cycles: tuple[float, ...]) -> str:
-    return f"{cycles[0]:g} to {cycles[-1]:g}" if len(cycles) > 1 else f"{cycles[0]:g}"
