@@ -24,6 +24,8 @@ FALSE_ALARM = 0.01
 """Of all counts of one truth together."""
 CHEAP = ("white", "ar1_0.5", "student_t", "rounded", "second_step", "hardening")
 """Truths that are fitted in half a second at most."""
+SWEPT = 12
+"""Repeats of records of several sweeps, which take five seconds each."""
 OFTEN = ("hardening",)
 """Those for which CI has the time: one that the model is not right for."""
 SHARES = ("pointwise", "readings", "readings_cold", "readings_middle", "readings_hot", "nearest")
@@ -53,6 +55,16 @@ def test_shares_are_near_the_nominal(repeats: list[dict[str, Any]], quantity: st
     found, error = share([float(quantities(r)[quantity] or 0.0) for r in repeats])
     allowed = -float(ndtri(FALSE_ALARM / (2 * (len(COUNTS) + len(SHARES)))))
     assert abs(found - NOMINAL) < allowed * error + 0.03, (found, error)
+
+
+def test_sweeps_that_differ_are_no_more_readings_of_one_curve() -> None:
+    """Bands of the curve and of new sweeps; where all readings counted as of one sweep half of both were outside."""
+    found = [attempt(Trial("differing_sweeps", i), Path("no real data")) for i in range(SWEPT)]
+    allowed = -float(ndtri(FALSE_ALARM / 2))
+    for quantity in ("pointwise", "readings"):
+        held, error = share([float(quantities(r)[quantity] or 0.0) for r in found])
+        assert held > NOMINAL - allowed * error - 0.03, (quantity, held, error)
+        assert held - allowed * error > 0.55, (quantity, held, error)
 
 
 def test_a_loop_of_another_law_is_fitted_and_scored() -> None:
