@@ -4,6 +4,9 @@ Each sweep of a record deviates from the curve that all have in common by ``U u`
 the innovations of a sweep along the columns of U come its numbers with their covariance, and from all sweeps the
 restricted likelihood of W: what all sweeps do alike is the curve's. Standard deviations have half-normal priors of the
 size by which one specimen in one rig usually repeats.
+
+Where the fit gives each sweep something of its own (`sma_bayes.fitting.sweep_functions`) a new sweep has what the fit
+would give it: another description of the same scatter would promise what no fit of the new measurements keeps.
 """
 
 from __future__ import annotations
@@ -17,6 +20,7 @@ from scipy import optimize
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.assess.sweeps import samples_of_sweeps
+from sma_bayes.fitting.sweep_functions import SweepFunctions
 from sma_bayes.studies.cycles.sweeps import LEAST_SAMPLES, NUMBERS, USUAL_SCATTER
 from sma_bayes.studies.sensitivity.quantities import before_calibration
 
@@ -74,14 +78,22 @@ class SweepScatter:
         Standard deviation of each number, in the order of `NUMBERS`.
     sweeps : int
         From how many sweeps it was learnt; 0 where it is assumed.
+    functions : SweepFunctions or None
+        What the fit gives each sweep, if it does.
+    size : float
+        Standard deviation of the weight of each of them [unit of the channel].
     """
 
     deviations: Deviations
     sd: Floats
     sweeps: int
+    functions: SweepFunctions | None = None
+    size: float = 0.0
 
     def rows(self, temperature: Floats) -> Floats:
-        """What a standard deviation of each number does, (4, n) [unit of the channel]."""
+        """What a standard deviation of each number, or of each function, does, (k, n) [unit of the channel]."""
+        if self.functions is not None:
+            return np.asarray(self.size * self.functions.at(temperature).T)
         return np.asarray(self.sd[:, None] * self.deviations.rows(temperature))
 
     def told(self) -> dict[str, float]:
@@ -104,11 +116,22 @@ def scatter_of(draws: RecordDraws, assumed: str) -> dict[str, SweepScatter]:
     for channel in draws.channels:
         deviations = Deviations.of(draws, channel)
         if len(usable) >= FEWEST:
-            out[channel] = SweepScatter(deviations, _learnt(draws, channel, deviations), len(usable))
+            learnt = _learnt(draws, channel, deviations)
+            out[channel] = SweepScatter(deviations, learnt, len(usable), *_of_the_fit(draws, channel))
         else:
             sd = USUAL_SCATTER if assumed == "usual" else np.zeros(4)
             out[channel] = SweepScatter(deviations, np.array(sd), 0)
     return out
+
+
+def _of_the_fit(draws: RecordDraws, channel: str) -> tuple[SweepFunctions | None, float]:
+    """What the fit gives each sweep, and the root mean square of its size over the draws."""
+    posterior = draws.posterior
+    basis = posterior.discrepancy[0].get(channel)
+    if basis is None or basis.sweep_functions is None:
+        return None, 0.0
+    size = before_calibration(draws)[:, posterior.layout[0].between[channel]]
+    return basis.sweep_functions, float(np.sqrt(np.mean(size**2)))
 
 
 def _learnt(draws: RecordDraws, channel: str, deviations: Deviations) -> Floats:
