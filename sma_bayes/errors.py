@@ -206,6 +206,17 @@ def many(count: int, noun: str) -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
+def nats(value: float) -> str:
+    """A difference of ln evidence with the decimals that tell something.
+
+    Examples
+    --------
+    >>> nats(3.06), nats(1148.02)
+    ('3.1', '1148')
+    """
+    return f"{value:.1f}" if abs(value) < 99.95 else f"{value:.0f}"
+
+
 def first_of(names: Sequence[str], most: int, between: str = ", ") -> str:
     """The first of some names, and how many more there are.
 

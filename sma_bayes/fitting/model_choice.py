@@ -15,6 +15,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from sma_bayes.arrays import Floats
+from sma_bayes.errors import nats
 from sma_bayes.fitting.noise_choice import NoiseChoice, choose_noise, noise_start, posterior_with
 from sma_bayes.fitting.posterior import Posterior, build_posterior
 from sma_bayes.fitting.warm_start import WarmStart, warm_start
@@ -176,7 +177,7 @@ def _reason(best: str, relative: Mapping[str, float], missed: Mapping[str, float
     value, second = rivals[0]
     more = "less" if value <= 0 else "more, but it does not predict better or is too close to prefer it"
     return (
-        f"{best}: {second} has an ln evidence{together} {abs(value):.1f} {more}; of what is held out their "
+        f"{best}: {second} has an ln evidence{together} {nats(abs(value))} {more}; of what is held out their "
         f"least-squares curves miss {missed[best]:.2%} and {missed[second]:.2%} of the range"
     )
 

@@ -16,6 +16,7 @@ from functools import partial
 import numpy as np
 
 from sma_bayes.arrays import Bools, Floats
+from sma_bayes.errors import nats
 from sma_bayes.fitting.discrepancy import (
     DiscrepancyBasis,
     between_sweeps_fact,
@@ -290,7 +291,9 @@ def _reason(
     if others:
         ahead = rivals[name] - others[0][0]
         less = "less" if ahead >= 0 else "more, which is too little to prefer it"
-        parts.append(f"{NOISE_MODELS[others[0][1]].title} comes second, ln evidence {abs(ahead):.1f} {less}")
+        parts.append(
+            f"{NOISE_MODELS[others[0][1]].title} comes second, ln evidence {nats(abs(ahead))} {less}"
+        )
     elif name == SIMPLEST and not coarse:
         parts.append(
             "the residuals show neither autocorrelation, heavy tails, growth with the response nor an error of the "
@@ -298,7 +301,7 @@ def _reason(
         )
     taken = sorted({channel for bases in description.bases for channel in bases})
     if taken:
-        gains = ", ".join(f"{description.gain[c]:.1f} ({quantity(c)})" for c in taken)
+        gains = ", ".join(f"{nats(description.gain[c])} ({quantity(c)})" for c in taken)
         beside = "a smooth discrepancy beside the curve"
         if _sweeps_apart(description.bases):
             beside += ", and what each sweep has of its own,"

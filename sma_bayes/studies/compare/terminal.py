@@ -5,11 +5,11 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from sma_bayes.errors import many
+from sma_bayes.errors import many, nats
 from sma_bayes.report.screen import show_text
 from sma_bayes.studies.compare.schema import ComparisonDocument
 from sma_bayes.studies.compare.verdict import CANNOT_TELL
-from sma_bayes.studies.compare.words import nats, spoken
+from sma_bayes.studies.compare.words import spoken
 
 
 def show_comparison(found: dict[str, Any], out: Path) -> None:

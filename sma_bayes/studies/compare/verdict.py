@@ -23,8 +23,9 @@ import numpy as np
 from scipy.stats import t as student_t
 
 from sma_bayes.arrays import Floats
+from sma_bayes.errors import nats
 from sma_bayes.studies.compare.schema import StatedDifference, StatedVerdict
-from sma_bayes.studies.compare.words import listed, nats, spoken
+from sma_bayes.studies.compare.words import listed, spoken
 
 CANNOT_TELL: Final = "cannot tell"
 DECISIVE: Final = float(np.log(20.0))

@@ -63,14 +63,3 @@ def noise_words(name: str) -> str:
     'AR(1) in sample index with Student t innovations'
     """
     return NOISE_MODELS[name].title if name in NOISE_MODELS else name
-
-
-def nats(value: float) -> str:
-    """A difference of ln evidence with the decimals that tell something.
-
-    Examples
-    --------
-    >>> nats(3.06), nats(1148.02)
-    ('3.1', '1148')
-    """
-    return f"{value:.1f}" if abs(value) < 99.95 else f"{value:.0f}"
