@@ -50,6 +50,9 @@ from sma_bayes.sampling.density import DensityFactor
 if TYPE_CHECKING:
     from sma_bayes.fitting.abilities import LinearisedPosterior
 
+GREATEST = 1e60
+"""Magnitude of a parameter, in the units of the package, that nothing measured comes near: products of five are finite.
+Where a computed step tells no upper end of its rate, draws would go on to where they are infinite."""
 CHUNK = 1 << 15
 """Samples times parameter vectors that are evaluated at a time, so that intermediate arrays stay in cache."""
 
@@ -213,12 +216,14 @@ class Posterior:
         Returns
         -------
         ndarray, shape (W,)
-            Never NaN: what can't be evaluated has probability zero.
+            Never NaN: what can't be evaluated, and parameters beyond `GREATEST`, have probability zero.
         """
         z = np.atleast_2d(z)
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
-            value = self.log_prior(z) + self.log_likelihood(self.space.constrain(z))
-        return np.where(np.isnan(value), -np.inf, value)
+            theta = self.space.constrain(z)
+            value = self.log_prior(z) + self.log_likelihood(theta)
+            usable = (np.abs(theta) < GREATEST).all(axis=1) & ~np.isnan(value)
+        return np.where(usable, value, -np.inf)
 
     def log_likelihood(self, theta: Floats) -> Floats:
         """Log likelihood of parameter vectors ``theta`` (W, P), shape (W,); weights of discrepancies integrated out."""

@@ -13,7 +13,7 @@ from scipy.special import logsumexp
 
 import sma_bayes.fitting.posterior as posterior_module
 from sma_bayes.errors import PriorError
-from sma_bayes.fitting.posterior import Posterior, build_posterior
+from sma_bayes.fitting.posterior import GREATEST, Posterior, build_posterior
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import parse_priors, read_priors
 from sma_bayes.records.types import Branch, Condition, Record
@@ -247,6 +247,18 @@ def test_log_prob_is_never_nan_nor_plus_infinity(
     assert not np.isnan(value).any()
     assert not np.isposinf(value).any()
     assert np.all(value[-3:] == -np.inf)
+
+
+def test_parameters_that_nothing_measured_comes_near_are_impossible(
+    make_record: Callable[..., Record],
+) -> None:
+    """A step between two readings is as likely at any rate that is fast enough, and moments of its draws must exist."""
+    p = build(make_record(("force",), n=20))
+    fast, faster = (np.array(p.space.prior_centre()) for _ in range(2))
+    rate = p.names.index("B2")
+    fast[rate], faster[rate] = np.log(GREATEST) - 1.0, np.log(GREATEST) + 1.0
+    assert np.isfinite(p.log_prob(fast)[0])
+    assert p.log_prob(faster)[0] == -np.inf
 
 
 def test_an_exact_curve_has_no_infinite_density(make_record: Callable[..., Record]) -> None:
