@@ -22,7 +22,7 @@ from sma_bayes.records.types import Branch, Record
 from sma_bayes.response import AUTO_MODEL
 from sma_bayes.runs.documents import MARK
 from sma_bayes.runs.fit_document import RecordSummary
-from sma_bayes.runs.jobs import WORTH_S, by_the_clock, run
+from sma_bayes.runs.jobs import by_the_clock, run
 from sma_bayes.runs.outputs import band_path
 from sma_bayes.runs.store import write_csv, write_posterior
 from sma_bayes.sampling.moves import SAMPLERS
@@ -35,6 +35,9 @@ WHOLE_CONDITIONS = 20
 """Number of conditions from which on a task is a condition with its branches. With fewer, a branch is a task: that
 keeps more processes busy, but sends all draws to the process that joins the branches."""
 
+LONG_S = 10.0
+"""Expected time from which a record gets a process at once [s]. Of fewer samples many take a tenth of what is expected,
+less than two processes take to start: two of 200 took 4.1 s of processor time here, 6.8 s on processes."""
 OF_A_RECORD_S, OF_A_CURVE_S, OF_SAMPLES_S = 0.1, 1.0, 2e-4
 """Processor time of a record: a constant, that of a curve where several are tried, and what grows with the square of
 its samples, since the more there are the richer is the noise that they ask for [s]. Fifteen fits of real and simulated
@@ -60,7 +63,7 @@ class FitTask:
         """Whether it is not expected to be worth a process of its own."""
         o = self.options
         plain = o.plan.sampler == SAMPLERS[DEFAULT_SAMPLER] and o.model != AUTO_MODEL
-        return plain and _alone_s(self.records, o) <= WORTH_S
+        return plain and _alone_s(self.records, o) <= LONG_S
 
 
 @dataclass(frozen=True, eq=False)

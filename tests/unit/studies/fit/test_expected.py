@@ -33,8 +33,11 @@ def test_it_grows_with_samples_and_curves_and_is_shared_among_processes(
 
 
 def test_records_that_take_long_are_worth_processes(make_record: Callable[..., Record]) -> None:
-    """Two branches of 300 readings would be fitted one after the other else, and the second be waited for."""
-    few, many = ((make_record(("force",), n=n),) for n in (100, 300))
+    """Two branches of 300 readings would be fitted one after the other else, and the second be waited for.
+
+    Two of 200 are done sooner than processes start.
+    """
+    few, many = ((make_record(("force",), n=n),) for n in (200, 300))
     assert [t.light for t in tasks_of([few, many], PLAIN, None)] == [True, False]
     assert [t.light for t in tasks_of([few], AUTO, None)] == [False]
 
