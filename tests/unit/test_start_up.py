@@ -45,11 +45,20 @@ def test_help_makes_no_verb_and_a_verb_makes_only_itself() -> None:
         assert set(group.commands) == {"fit"}
 
 
+def test_what_is_left_at_the_end_is_not_looked_through() -> None:
+    code = "import atexit, gc, sys; atexit.register(lambda: print(f'frozen {gc.get_freeze_count()}'))"
+    run = f"{code}; sys.argv = ['sma-bayes', '--version']; from sma_bayes.__main__ import main; main()"
+    told = subprocess.run(
+        [sys.executable, "-c", run], capture_output=True, text=True, timeout=300, check=True
+    )
+    assert int(told.stdout.partition("frozen")[2]) > 10_000
+
+
 @pytest.mark.parametrize(
     ("figures", "without"),
     [  # arviz-stats, which diagnoses the draws, brings pandas and xarray with it
-        ("none", ("arviz", "corner", "distributed", "joblib", "matplotlib")),
-        ("report", ("arviz", "corner", "distributed", "joblib")),
+        ("none", ("arviz", "corner", "distributed", "joblib", "matplotlib", "pint")),
+        ("report", ("arviz", "corner", "distributed", "joblib", "pint")),
     ],
 )
 def test_a_fit_imports_only_what_it_uses(
