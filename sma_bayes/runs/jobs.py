@@ -151,16 +151,20 @@ def _done(
 def _here_first(
     task: Callable[[T], R], items: Sequence[T], workers: int, account: Account
 ) -> Iterator[_Done[R]]:
-    """Tasks here, and on processes what is left once that is worth starting them."""
+    """Tasks here, and on processes what is left once that is worth starting them.
+
+    What a task takes is told by those after the first, which waits for imports, as each new process would.
+    """
     spent = 0.0
     for number, item in enumerate(items):
         left = len(items) - number
-        saved = (spent / number) * left * (1.0 - 1.0 / workers) if number else 0.0
+        saved = spent / (number - 1) * left * (1.0 - 1.0 / workers) if number > 1 else 0.0
         if left > 1 and saved > WORTH_S:
             yield from _on_processes(task, items[number:], min(workers, left), account)
             return
         done = _timed(task, item)
-        spent += done.cpu  # the clock would tell of what else the machine is doing
+        if number:
+            spent += done.cpu  # the clock would tell of what else the machine is doing
         yield done
 
 

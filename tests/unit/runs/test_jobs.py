@@ -105,9 +105,18 @@ def test_light_tasks_start_no_process() -> None:
 @pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="a machine with one core")
 def test_light_tasks_that_add_up_are_shared_out(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(jobs_module, "WORTH_S", 0.0)
-    first, *others = run(own_process, range(6), None, light=True)
-    assert first == os.getpid()
+    first, second, *others = run(own_process, range(6), None, light=True)
+    assert {first, second} == {os.getpid()}
     assert os.getpid() not in others
+
+
+def test_a_first_task_that_waits_for_imports_starts_no_process(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setattr(
+        jobs_module,
+        "_timed",
+        lambda task, item: jobs_module._Done(task(item), 0.0, 0.1 if item else 100.0),
+    )
+    assert set(run(own_process, range(6), None, light=True)) == {os.getpid()}
 
 
 def test_processes_that_are_asked_for_are_started() -> None:
