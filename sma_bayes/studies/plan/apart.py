@@ -26,6 +26,7 @@ from typing import Final
 
 import numpy as np
 from scipy.special import ndtr
+from scipy.stats.qmc import MultivariateNormalQMC
 
 from sma_bayes.arrays import Floats
 from sma_bayes.records.history import History
@@ -35,8 +36,8 @@ from sma_bayes.studies.gap.noise import BlockNoise, ChannelBlock, blocks_of, whi
 from sma_bayes.studies.plan.candidates import CandidateExperiment
 from sma_bayes.studies.plan.information import mean_step
 
-DRAWS: Final = 64
-"""Draws of the parameters of an explanation."""
+DRAWS: Final = 256
+"""Draws of the parameters of an explanation; a power of 2, which low-discrepancy points fill space evenly with."""
 PAUSE: Final = 10.0
 """Time between the last measurement and a new one [steps of the new one]."""
 
@@ -60,9 +61,13 @@ class Explanation:
 
     @staticmethod
     def of(name: str, fitted: FittedHypothesis, rng: np.random.Generator, size: int = DRAWS) -> Explanation:
-        """With draws about its mode."""
-        root = np.linalg.cholesky(fitted.covariance)
-        return Explanation(name, fitted, fitted.z + rng.standard_normal((size, fitted.z.size)) @ root.T)
+        """With draws about its mode.
+
+        Scrambled Sobol' points: a mean over as many independent ones would be several times less sure.
+        """
+        return Explanation(
+            name, fitted, MultivariateNormalQMC(fitted.z, fitted.covariance, seed=rng).random(size)
+        )
 
 
 def further(candidate: CandidateExperiment, like: History) -> History:

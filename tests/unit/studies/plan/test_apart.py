@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
 
-from sma_bayes.studies.plan.apart import Prospect, chances, told_apart
+from sma_bayes.studies.plan.apart import DRAWS, Explanation, Prospect, chances, told_apart
 
 N, C = 12, 3.0
 
@@ -64,3 +66,22 @@ def test_probabilities_are_those_of_simulated_bayes_factors(threshold: float) ->
         happened.append(np.mean(density[0].logpdf(y) - density[1].logpdf(y) >= threshold))
     np.testing.assert_allclose(said, happened, atol=0.06)
     assert np.mean(said) == pytest.approx(np.mean(happened), abs=0.02)
+
+
+def test_probabilities_hardly_depend_on_which_draws_there_are() -> None:
+    """Over 16 seeds a mean of probabilities scatters less than half as much as over as many independent draws.
+
+    Mean and covariance of all draws are within five standard errors of independent ones.
+    """
+    rng = np.random.default_rng(3)
+    root = np.tril(rng.standard_normal((8, 8))) + 3.0 * np.eye(8)
+    fitted = SimpleNamespace(z=np.arange(8.0), covariance=root @ root.T)
+    draws = [Explanation.of("", fitted, np.random.default_rng(seed)).draws for seed in range(16)]
+    away = [np.linalg.solve(root, (d - fitted.z).T).T for d in draws]
+    chance = [norm.cdf(3.0 * a[:, 0] + a[:, 1]) for a in away]
+    scatter = np.std([np.mean(c) for c in chance])
+    assert scatter < 0.5 * np.std(chance) / np.sqrt(DRAWS)
+    whole = np.concatenate(away)
+    se = 1.0 / np.sqrt(len(whole))
+    np.testing.assert_allclose(whole.mean(axis=0), 0.0, atol=5.0 * se)
+    np.testing.assert_allclose(np.cov(whole.T), np.eye(8), atol=5.0 * np.sqrt(2.0) * se)
