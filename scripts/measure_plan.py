@@ -1,34 +1,50 @@
 """Measure whether a plan keeps what it promises: advised experiments are simulated, and everything is fitted again.
 
     scripts/measure_plan.py shrinkage FIT --for stiffness@50degC --trials 100
+    scripts/measure_plan.py sweeps displacement --repeats 24 --keep displacement.jsonl
     scripts/measure_plan.py apart GAP --trials 40
     scripts/measure_plan.py advised --springs 12 --trials 200
 
 `shrinkage`: truths are drawn from the posterior of a fit, sweeps of each simulated with its noise and joined with the
 old ones, and the posterior sampled anew. Expected and achieved variance, the squared error of the new mean, and how
-often the 90 % interval holds the truth. `apart`: for each candidate either explanation in turn is the truth; new
-measurements are simulated, both are fitted to old and new ones together, and it is counted how often ln Bayes factors
-of the new ones reach the threshold for the true one: Brier score, and what it would be were every probability right.
-`advised`: the same of the experiments that `plan` puts first, with the probabilities that it prints, and of whole loops
-as they were measured for as many hours, at least one; of several simulated springs together.
+often the 90 % interval holds the truth. `sweeps`: springs are simulated whose sweeps differ, and not as the model would
+have it; they are fitted and planned for as users do, further sweeps of the same spring are simulated, and all are
+fitted again. Printed are standard deviations that were said and found. `apart`: for each candidate either explanation
+in turn is the truth; new measurements are simulated, both are fitted to old and new ones together, and it is counted
+how often ln Bayes factors of the new ones reach the threshold for the true one: Brier score, and what it would be were
+every probability right. `advised`: the same of the experiments that `plan` puts first, with the probabilities that it
+prints, and of whole loops as they were measured for as many hours, at least one; of several simulated springs together,
+of which the measurements leave explanations open. Of others `plan` advises nothing; `--decided` takes what it puts
+first there. The score is divided into reliability, what is said wrongly, and refinement, what chance decides.
+
+References
+----------
+A. H. Murphy, "A new vector partition of the probability score", J. Appl. Meteorol. 12 (1973) 595,
+doi 10.1175/1520-0450(1973)012<0595:ANVPOT>2.0.CO;2.
 """
 
 from __future__ import annotations
 
 import argparse
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+import json
+import time
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from dataclasses import asdict, dataclass, replace
+from itertools import count
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import Any
 
 import numpy as np
+from calibration.curves import Curve, mean_of, ratio, two_steps
+from calibration.truths import POPULATION, TRUTHS, UNITS, Case, Design, seed_of
 from scipy.special import ndtri
 
 import sma_bayes
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.held_out import evaluated_on, missed_by, of_samples
 from sma_bayes.fitting.curves import CurveDraws
-from sma_bayes.records.types import Record
+from sma_bayes.records.types import Branch, Campaign, Condition, Record
 from sma_bayes.runs.outputs import read_run
 from sma_bayes.runs.stored_draws import draws_of
 from sma_bayes.sampling.importance import importance_draws
@@ -45,7 +61,10 @@ from sma_bayes.studies.plan.telling_apart import discriminations
 from sma_bayes.studies.sensitivity.quantities import QuantityDraws
 
 DRAWN = 1000
-CURVES = 16
+BINS = 10
+KEPT = "JSON lines of what was found; springs there are not done again"
+PLACES = (0.3, 0.5, 0.7)
+"""Shares of the way of a curve at which it is asked about."""
 
 
 @dataclass(frozen=True)
@@ -142,10 +161,48 @@ class Trial:
         That was said, for this truth.
     reached : bool
         Whether the new measurements told them apart.
+    pair : str
+        Truth and rival.
     """
 
     probability: float
     reached: bool
+    pair: str = ""
+
+
+@dataclass(frozen=True)
+class Divided:
+    """A Brier score, divided by bins of the probability; what probabilities of a bin differ by is left out.
+
+    Attributes
+    ----------
+    reliability : float
+        Mean square of what was said less what happened, of the bins.
+    chance : float
+        What that would be on average were every probability right.
+    refinement : float
+        Variance of what happened in the bins: nothing that is said of a bin alone has a lower score.
+    """
+
+    reliability: float
+    chance: float
+    refinement: float
+
+    @staticmethod
+    def of(trials: Sequence[Trial], bins: int = BINS) -> Divided:
+        """By so many bins of equal width."""
+        p, reached = numbers_of(trials)
+        own = np.minimum((bins * p).astype(int), bins - 1)
+        n = np.bincount(own, minlength=bins)
+        said, happened, uncertain = (
+            np.bincount(own, x, bins)[n > 0] / n[n > 0] for x in (p, reached, p * (1.0 - p))
+        )
+        n = n[n > 0] / len(p)
+        return Divided(
+            float(n @ (said - happened) ** 2),
+            float(uncertain.sum() / len(p)),
+            float(n @ (happened * (1.0 - happened))),
+        )
 
 
 def with_new(
@@ -184,14 +241,19 @@ def trial(
         for e in (true, rival)
     ]
     said = chances(Prospect.of(true, history, new), Prospect.of(rival, history, new), THRESHOLD)[0]
-    return Trial(float(np.mean(said)), gained[0] - gained[1] >= THRESHOLD)
+    name = f"{true.name or 'none'} against {rival.name or 'none'}"
+    return Trial(float(np.mean(said)), bool(gained[0] - gained[1] >= THRESHOLD), name)
 
 
 def brier(trials: Sequence[Trial]) -> tuple[float, float]:
     """Brier score, and what it is expected to be if every probability is right."""
-    p = np.array([t.probability for t in trials])
-    reached = np.array([float(t.reached) for t in trials])
+    p, reached = numbers_of(trials)
     return float(np.mean((p - reached) ** 2)), float(np.mean(p * (1.0 - p)))
+
+
+def numbers_of(trials: Sequence[Trial]) -> tuple[Floats, Floats]:
+    """Probabilities, and 1 of those that told apart."""
+    return np.array([t.probability for t in trials]), np.array([float(t.reached) for t in trials])
 
 
 def experiments_of(
@@ -247,10 +309,9 @@ def measure_apart(arguments: argparse.Namespace) -> None:
         pair = rivals.pairs[i % len(rivals.pairs)]
         pair = pair if rng.uniform() < 0.5 else pair[::-1]
         found.append(trial(rivals, pair, candidate, 1000 + i))
-        print(f"{rivals.explanations[pair[0]].name or 'none'} against {rivals.explanations[pair[1]].name or 'none'}: "
-              f"{found[-1].probability:.3f} {found[-1].reached}", flush=True)  # fmt: skip
+        print(f"{found[-1].pair}: {found[-1].probability:.3f} {found[-1].reached}", flush=True)
     score, right = brier(found)
-    p, reached = np.array([t.probability for t in found]), np.array([t.reached for t in found])
+    p, reached = numbers_of(found)
     print(
         f"Brier score {score:.4f}, {right:.4f} were all probabilities right; {reached.mean():.3f} reached, "
         f"{p.mean():.3f} said; {len(found)} simulations"
@@ -296,16 +357,20 @@ def gap_of_spring(number: int, folder: Path) -> Path:
 
 
 def carried_out(
-    folder: Path, data: Path | None, trials: int, first: int, seed: int
+    folder: Path, data: Path | None, trials: int, first: int, seed: int, decided: bool = False
 ) -> tuple[list[Trial], list[Trial]]:
     """Experiments that a plan puts first, and whole loops as they were measured, about pairs that are still open.
 
-    Both have the same truths, as far as chance goes the same seeds.
+    Both have the same truths, as far as chance goes the same seeds. None where no pair is open, of which a plan advises
+    nothing; or, where `decided`, of all pairs then.
     """
     gap, campaign = read_gap(folder, data)
-    rivals = fitted_rivals(gap, campaign, folder / "priors.toml", 0)
     found = sma_bayes.plan(folder, TELL_APART, data=data)
-    open_pairs = [n for n, r in enumerate(found["rivals"]) if not r["told_apart"]] or range(len(rivals.pairs))
+    open_pairs = [n for n, r in enumerate(found["rivals"]) if not r["told_apart"]]
+    if not open_pairs and not decided:
+        return [], []
+    open_pairs = open_pairs or list(range(len(found["rivals"])))
+    rivals = fitted_rivals(gap, campaign, folder / "priors.toml", 0)
     rng = np.random.default_rng(seed)
     advised, even = [], []
     for i in range(trials):
@@ -317,34 +382,241 @@ def carried_out(
         turned = bool(rng.uniform() < 0.5)
         pair = rivals.pairs[n][::-1] if turned else rivals.pairs[n]
         side = "if_second" if turned else "if_first"
-        advised.append(Trial(c["pairs"][n][side], trial(rivals, pair, candidate, 5000 + i).reached))
+        one = trial(rivals, pair, candidate, 5000 + i)
+        advised.append(replace(one, probability=c["pairs"][n][side]))
         other = as_measured(rivals, candidate)
         told = discriminations(rivals, other)[n]
-        even.append(Trial(getattr(told, side), trial(rivals, pair, other, 5000 + i).reached))
+        even.append(replace(trial(rivals, pair, other, 5000 + i), probability=getattr(told, side)))
     return advised, even
 
 
+def kept(path: Path | None) -> list[dict[str, Any]]:
+    """JSON lines of a file that may not be there yet."""
+    lines = path.read_text(encoding="utf-8").splitlines() if path and path.exists() else []
+    return [json.loads(line) for line in lines]
+
+
+def keep(path: Path | None, lines: Iterable[dict[str, Any]]) -> None:
+    """Append JSON lines to a file, if there is one."""
+    if path:
+        with path.open("a", encoding="utf-8") as file:
+            file.writelines(json.dumps(line) + "\n" for line in lines)
+
+
 def measure_advised(arguments: argparse.Namespace) -> None:
-    everything: dict[str, list[Trial]] = {"advised": [], "as measured": []}
+    found = kept(arguments.keep)
     with TemporaryDirectory() as place:
-        for number in range(arguments.springs):
+        for number in count():
+            if sum(bool(f["advised"]) for f in found) >= arguments.springs:
+                break
+            if number in {f["spring"] for f in found}:
+                continue
             folder = gap_of_spring(number, Path(place))
-            both = carried_out(folder, None, arguments.trials, arguments.first, arguments.seed)
-            for own, new in zip(everything.values(), both, strict=True):
-                own += new
-            text = ", ".join(f"{np.mean([t.reached for t in own]):.2f}" for own in both)
-            print(f"spring {number}: told apart, advised and as measured: {text}", flush=True)
-    for name, trials in everything.items():
-        score, right = brier(trials)
-        p, reached = (np.array([getattr(t, what) for t in trials]) for what in ("probability", "reached"))
-        print(f"{name}: said {p.mean():.3f}, reached {reached.mean():.3f}; Brier score {score:.4f}, {right:.4f} were "
-              f"all probabilities right; {len(trials)} simulations")  # fmt: skip
-        for low, high in ((0.0, 0.2), (0.2, 0.8), (0.8, 1.01)):
-            own = (low <= p) & (p < high)
-            if own.any():
-                miss = float(np.mean((p[own] - reached[own]) ** 2))
-                print(f"    said {low:g} to {min(high, 1.0):g}: {own.sum()}, {p[own].mean():.3f} on average, "
-                      f"{reached[own].mean():.3f} reached; Brier score {miss:.4f}")  # fmt: skip
+            both = carried_out(folder, None, arguments.trials, arguments.first, number, arguments.decided)
+            one = {"spring": number} | {
+                name: [asdict(t) for t in trials]
+                for name, trials in zip(("advised", "even"), both, strict=True)
+            }
+            found.append(one)
+            keep(arguments.keep, [one])
+            told = "; as measured: ".join(score_of(trials) for trials in both if trials)
+            print(f"spring {number}: {told or 'told apart already'}", flush=True)
+    advised, even = ([Trial(**t) for f in found for t in f[name]] for name in ("advised", "even"))
+    print(f"{len(found)} springs, experiments of {sum(bool(f['advised']) for f in found)} of them")
+    for name, trials in (("advised", advised), ("as measured", even)):
+        divided = Divided.of(trials)
+        print(f"{name}: {score_of(trials)}; reliability {divided.reliability:.4f}, {divided.chance:.4f} by chance, "
+              f"refinement {divided.refinement:.4f}")  # fmt: skip
+        for low in np.linspace(0.0, 0.8, 5):
+            own = [t for t in trials if low <= t.probability < low + 0.2 or t.probability == low + 0.2 == 1.0]
+            if own:
+                print(f"    said {low:.1f} to {low + 0.2:.1f}: {score_of(own)}")
+        for pair in dict.fromkeys(t.pair for t in trials):
+            print(f"    {pair}: {score_of([t for t in trials if t.pair == pair])}")
+
+
+def score_of(trials: Sequence[Trial]) -> str:
+    """Mean probability, how often it happened, and the Brier score, in words."""
+    score, right = brier(trials)
+    p, reached = numbers_of(trials)
+    return (
+        f"{len(trials)} experiments, said {p.mean():.3f}, reached {reached.mean():.3f}; Brier score {score:.4f}, "
+        f"{right:.4f} were all probabilities right"
+    )
+
+
+def differing_pair(repeat: int, rng: np.random.Generator, data: Path) -> Case:
+    """Four or five sweeps of force and displacement that differ as those of `differing_sweeps` do.
+
+    Place, width and second step of a sweep are those of both channels, offsets and strokes of each.
+    """
+    design = Design.of(repeat, rng)
+    apart = rng.choice((-1.0, 1.0)) * rng.uniform(4.0, 6.0) / design.rate
+    # standard deviations: 1.5 % of the span, 3 %, 0.15/rate, 8 % of the rate, 3 % of the span
+    moves = rng.uniform(0.5, 1.5) * np.array([0.015, 0.03, 0.15 / design.rate, 0.08, 0.03])
+    temperature = np.linspace(design.low, design.high, 25)
+    if design.branch is Branch.COOLING:
+        temperature = temperature[::-1]
+    span = {"force": 2.5, "displacement": 0.02}
+    before = {"force": 0.0, "displacement": 0.5 / design.rate}
+
+    def drawn(rng: np.random.Generator) -> dict[str, Curve]:
+        place, width, second = moves[2:] * rng.standard_normal(3)
+        out = {}
+        for channel, size in span.items():
+            offset, stroke = moves[:2] * rng.standard_normal(2)
+            out[channel] = two_steps(
+                size * (1.0 + stroke), design.rate * np.exp(width), design.middle - before[channel] + place,
+                size * (0.2 + offset), 0.15 + second, apart, 1.5,
+            )  # fmt: skip
+        return out
+
+    def read(rng: np.random.Generator) -> dict[str, Floats]:
+        return {
+            c: curve.value(temperature) + design.level * span[c] * rng.standard_normal(temperature.size)
+            for c, curve in drawn(rng).items()
+        }
+
+    def again(rng: np.random.Generator) -> tuple[Floats, dict[str, Floats]]:
+        return temperature, read(rng)
+
+    population = [drawn(rng) for _ in range(POPULATION)]
+    curves = {c: mean_of([one[c] for one in population]) for c in span}
+    inputs, observed = sweeps_in_turn(again, (4, 5)[repeat % 2], rng)
+    name = "differing sweeps of force and displacement"
+    record = Record(
+        Condition("truth"), design.branch, inputs, observed, np.arange(inputs["time"].size),
+        {k: UNITS[k] for k in ("temperature", "time", *span)},
+    )  # fmt: skip
+    stiffness = ratio(curves["force"], curves["displacement"])
+    return Case(Campaign(name, name, "", (record,)), curves, stiffness, again, design.level)
+
+
+def sweeps_in_turn(
+    again: Callable[[np.random.Generator], tuple[Floats, dict[str, Floats]]],
+    number: int,
+    rng: np.random.Generator,
+) -> tuple[dict[str, Floats], dict[str, Floats]]:
+    """Inputs and readings of so many further sweeps."""
+    temperatures, readings = zip(*(again(rng) for _ in range(number)), strict=True)
+    n = temperatures[0].size
+    inputs = {
+        "temperature": np.concatenate(temperatures),
+        "time": np.arange(float(number * n)),
+        "segment": np.repeat(np.arange(float(number)), n),
+    }
+    return inputs, {c: np.concatenate([r[c] for r in readings]) for c in readings[0]}
+
+
+@dataclass(frozen=True)
+class Narrowed:
+    """What further sweeps left of a quantity, which was planned for.
+
+    Attributes
+    ----------
+    repeat, sweeps : int
+        Number of the spring, and of its sweeps before.
+    name : str
+        Of the quantity.
+    now, said, found : float
+        Standard deviations: before, expected, and of the fit of all sweeps.
+    inside : bool or None
+        Whether its new 90 % interval holds the truth; None where that is no number of the model's.
+    apart : bool
+        Whether both fits give sweeps something of their own.
+    seconds : float
+        Processor time of both.
+    """
+
+    repeat: int
+    sweeps: int
+    name: str
+    now: float
+    said: float
+    found: float
+    inside: bool | None
+    apart: bool
+    seconds: float
+
+
+def narrowed(repeat: int, channel: str, cycles: int) -> Iterator[Narrowed]:
+    """Fit sweeps of a spring, plan so many cycles more, measure those, and fit everything again.
+
+    Fits and plans are those of a user who names no option.
+    """
+    making, reading = (np.random.default_rng(s) for s in seed_of("differing_sweeps", repeat).spawn(2))
+    make = differing_pair if channel == "stiffness" else TRUTHS["differing_sweeps"].make
+    case = make(repeat, making, Path())
+    old = case.record
+    curve = case.stiffness if channel == "stiffness" else case.curves[channel]
+    assert curve is not None
+    inputs, observed = sweeps_in_turn(case.again, cycles, reading)
+    new = replace(old, inputs=inputs, observed=observed, row=np.arange(inputs["time"].size))
+    whole = joined(old, new)
+    sweeps = np.unique(old.inputs["segment"]).size
+    low, high = float(old.temperature.min()), float(old.temperature.max())
+    t = np.linspace(low, high, 801)
+    way = case.curves["displacement"].value(t)
+    places = np.interp(PLACES, (way - way[0]) / (way[-1] - way[0]), t).tolist()
+    with TemporaryDirectory() as place:
+        folder, fits = Path(place), {}
+        began = time.process_time()
+        for name, record in (("before", old), ("after", whole)):
+            fits[name] = folder / name
+            campaign = replace(case.campaign, records=(record,))
+            sma_bayes.fit_campaign(campaign, fits[name], seed=repeat, jobs=1, figures=False)
+        seconds = time.process_time() - began
+        apart = all(
+            any(
+                d.between_sweeps is not None
+                for r in read_run(f).summary.records
+                for d in r.discrepancy.values()
+            )
+            for f in fits.values()
+        )
+        file = folder / "candidates.toml"
+        file.write_text(
+            f'[[candidate]]\nlowest = "{low} degC"\npeak = "{high} degC"\nrate = "1 K/min"\ncycles = {cycles}\n'
+            f"samples = {old.n // sweeps}\n",
+            encoding="utf-8",
+        )
+        for asked, share in (*((f"{channel}@{at:.6f} degC", s) for at, s in zip(places, PLACES, strict=True)),
+                             ("parameters", None)):  # fmt: skip
+            before, after = (sma_bayes.plan(f, asked, candidates=file) for f in fits.values())
+            expected = before["candidates"][0]["expected"]
+            for one, then, e in zip(before["quantities"], after["quantities"], expected, strict=True):
+                inside = None
+                if share is not None:
+                    inside = then["q05"] <= float(curve.value(np.array([one["at"]]))[0]) <= then["q95"]
+                name = one["name"] if share is None else f"{channel} at {share:g} of the way"
+                yield Narrowed(
+                    repeat, sweeps, name, one["sd"], e["sd"], then["sd"], inside, apart, round(seconds, 1)
+                )
+
+
+def measure_sweeps(arguments: argparse.Namespace) -> None:
+    found = [Narrowed(**line) for line in kept(arguments.keep)]
+    for repeat in sorted(set(range(arguments.repeats)) - {f.repeat for f in found}):
+        new = list(narrowed(repeat, arguments.channel, arguments.cycles))
+        found += new
+        keep(arguments.keep, map(asdict, new))
+        print(f"spring {repeat}, {new[0].sweeps} sweeps, {new[0].seconds:.0f} s: "
+              f"{', '.join(f'{f.found / f.said:.2f}' for f in new)}", flush=True)  # fmt: skip
+    print("standard deviations over that of now (medians), and found over said (with quartiles):")
+    for name in dict.fromkeys(f.name for f in found):
+        own = [f for f in found if f.name == name]
+        said, happened, miss = (
+            np.quantile(r, (0.25, 0.5, 0.75))
+            for r in (
+                [f.said / f.now for f in own],
+                [f.found / f.now for f in own],
+                [f.found / f.said for f in own],
+            )
+        )
+        held = [f.inside for f in own if f.inside is not None]
+        text = f"; 90 % intervals hold {np.mean(held):.2f}" if held else ""
+        print(f"{name}: {len(own)} springs, said {said[1]:.2f}, found {happened[1]:.2f}; "
+              f"{miss[1]:.2f} ({miss[0]:.2f} to {miss[2]:.2f}){text}")  # fmt: skip
 
 
 def main() -> None:
@@ -360,6 +632,14 @@ def main() -> None:
     shrinkage.add_argument("--rate", type=float, default=0.05)
     shrinkage.add_argument("--trials", type=int, default=100)
     shrinkage.set_defaults(measure=measure_shrinkage)
+    sweeps = kinds.add_parser("sweeps")
+    sweeps.add_argument("channel", choices=("displacement", "stiffness"))
+    sweeps.add_argument("--repeats", type=int, default=24)
+    sweeps.add_argument("--cycles", type=int, default=4)
+    sweeps.add_argument(
+        "--keep", type=Path, help="JSON lines of what was found; springs there are not done again"
+    )
+    sweeps.set_defaults(measure=measure_sweeps)
     apart = kinds.add_parser("apart")
     apart.add_argument("folder", type=Path)
     apart.add_argument("--data", type=Path)
@@ -370,7 +650,10 @@ def main() -> None:
     advised.add_argument("--springs", type=int, default=12)
     advised.add_argument("--trials", type=int, default=200)
     advised.add_argument("--first", type=int, default=3)
-    advised.add_argument("--seed", type=int, default=0)
+    advised.add_argument(
+        "--decided", action="store_true", help="also what is put first where the measurements tell all apart"
+    )
+    advised.add_argument("--keep", type=Path, help=KEPT)
     advised.set_defaults(measure=measure_advised)
     arguments = parser.parse_args()
     arguments.measure(arguments)
