@@ -139,7 +139,7 @@ def test_advised_experiments_keep_their_promise_and_beat_an_even_design(tmp_path
 def test_further_sweeps_of_a_spring_whose_sweeps_differ_leave_what_was_said() -> None:
     """Four springs of 4 and 5 sweeps, fitted as users do, four sweeps more, and fitted again.
 
-    One ratio of found to said standard deviations scatters by a factor of 1.35 (24 springs), so that the mean of four
+    One ratio of found to said standard deviations scatters by a factor of 1.3 (20 springs), so that the mean of four
     logarithms is off by a factor of 1.8 in less than 1 of 10^4 cases.
     """
     from measure_plan import narrowed

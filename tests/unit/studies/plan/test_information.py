@@ -28,6 +28,7 @@ from sma_bayes.studies.plan.information import (
     with_memory_of,
 )
 from sma_bayes.studies.plan.scatter import Deviations, SweepScatter, scatter_of
+from sma_bayes.studies.plan.workflow import remarks_on_scatter
 from sma_bayes.studies.sensitivity.quantities import QuantityDraws
 
 sys.path.append(str(Path(__file__).resolve().parents[4] / "scripts"))
@@ -195,7 +196,7 @@ def test_planted_scatter_is_found_and_none_where_there_is_none(
 
 
 def test_of_sweeps_that_differ_one_more_is_one_more_of_so_many(
-    make_record: Callable[..., Record], tmp_path: Path
+    make_record: Callable[..., Record], plain: RecordDraws, tmp_path: Path
 ) -> None:
     """The mean curve is known as five sweeps make it, so that a sixth leaves 5/6 of its variance.
 
@@ -215,6 +216,9 @@ def test_of_sweeps_that_differ_one_more_is_one_more_of_so_many(
     )
     scatter = scatter_of(draws, "none")
     assert scatter["force"].functions is not None
+    (told,) = remarks_on_scatter([draws, draws])
+    assert told.count(draws.key) == 1
+    assert not remarks_on_scatter([plain])
     known = Knowledge.of(draws, scatter, 0, size=200)
     sweep = known.information(PlannedSweep(30.0, 70.0, 40, 0.1))
     for at in (35.0, 50.0, 52.0, 65.0):
