@@ -99,7 +99,7 @@ def credible_band(fit: Fit, channel: str, record: int = 0, extrapolate: float = 
     r = fit.records[record]
     t = temperature_grid(r, extrapolate)
     curve = curve_draws(fit, channel, t, record)
-    return _band(r, channel, t, curve, _predictive(fit, channel, t, record))
+    return _band(r, channel, t, curve, _predictive(fit, channel, t, record, curve))
 
 
 def _band(record: Record, channel: str, t: Floats, curve: Floats, predictive: dict[str, Floats]) -> Band:
@@ -180,17 +180,23 @@ def _simultaneous(order: Ints, in_order: Floats) -> dict[str, Floats]:
     return out
 
 
-def _predictive(fit: Fit, channel: str, t: Floats, record: int) -> dict[str, Floats]:
+def _predictive(fit: Fit, channel: str, t: Floats, record: int, curve: Floats) -> dict[str, Floats]:
     r = fit.records[record]
     if channel not in r.channels:
         return _no_measurement(t)
     rng = np.random.default_rng(np.random.SeedSequence([fit.seed, 1, *f"{r.key} {channel}".encode()]))
-    new = new_samples(fit.curves(record), channel, t, rng)
+    new = new_samples(fit.curves(record), channel, t, rng, curve)
     values = quantiles(new, list(PREDICTIVE.values()), axis=0)
     return dict(zip(PREDICTIVE, values, strict=True))
 
 
-def new_samples(curves: CurveDraws, channel: str, temperature: Floats, rng: np.random.Generator) -> Floats:
+def new_samples(
+    curves: CurveDraws,
+    channel: str,
+    temperature: Floats,
+    rng: np.random.Generator,
+    curve: Floats | None = None,
+) -> Floats:
     """New samples that follow no other, errors of the readings of temperature included.
 
     Parameters
@@ -202,6 +208,8 @@ def new_samples(curves: CurveDraws, channel: str, temperature: Floats, rng: np.r
     temperature : ndarray, shape (m,)
         Readings [unit of temperature].
     rng : numpy.random.Generator
+    curve : ndarray, shape (S, m), optional
+        The curves at these temperatures, where they are known already [unit of the channel].
 
     Returns
     -------
@@ -215,7 +223,7 @@ def new_samples(curves: CurveDraws, channel: str, temperature: Floats, rng: np.r
     true: Floats = temperature
     if spread is not None:
         true = temperature + spread[:, None] * rng.standard_normal((len(theta), temperature.size))
-    clean = curves.curve(channel, true)
+    clean = curve if spread is None and curve is not None else curves.curve(channel, true)
     scale = posterior.noise_scale(theta, record, channel, clean)
     apart = posterior.of_new_sweeps(rng, theta, record, channel, true)
     return np.asarray(clean + scale * series + apart)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from typing import Any
 
 import numpy as np
 import pytest
@@ -21,6 +22,7 @@ from sma_bayes.assess.correlation import agreement, correlation_factors
 from sma_bayes.assess.identifiability import contraction, free_directions
 from sma_bayes.assess.loops import branch_quantities, loop_quantities
 from sma_bayes.assess.path import path_remark
+from sma_bayes.fitting.curves import CurveDraws
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.fit_records import fit_records
 from sma_bayes.paper.twin import truth, twin_campaign
@@ -71,6 +73,18 @@ def test_a_band_is_the_quantiles_of_the_curves(fits: dict[str, Fit]) -> None:
     assert band.temperature.min() == record.temperature.min()
     assert band.temperature.max() == record.temperature.max()
     assert not band.extrapolated.any()
+
+
+def test_curves_of_a_band_are_computed_once(fits: dict[str, Fit], monkeypatch: pytest.MonkeyPatch) -> None:
+    computed, curve = [], CurveDraws.curve
+
+    def counted(curves: CurveDraws, channel: str, *rest: Any) -> Any:
+        computed.append(channel)
+        return curve(curves, channel, *rest)
+
+    monkeypatch.setattr(CurveDraws, "curve", counted)
+    credible_band(fits["heating"], "force")
+    assert computed == ["force"]
 
 
 def test_extrapolation_is_only_on_request_and_marked(fits: dict[str, Fit]) -> None:
