@@ -124,18 +124,19 @@ def _of_campaign(folder: Path, content: Content, diagnostics: bool) -> Drawings:
         yield partial(average_figure, content)
     if content.printed:
         yield partial(printed_figure, content)
+    branches = _branches(folder, content) if content.truth or not many else {}
     if content.truth:
-        yield partial(truth_figure, content.truth, _branches(folder, content))
+        yield partial(truth_figure, content.truth, branches)
     for number, part in enumerate(content.by_units(), 1):
         if several:
             yield partial(parameters_of_many if many else parameter_figure, part, number)
         if many:
             continue
-        branches = _branches(folder, part)
+        of_part = {condition: branches[condition] for condition in part.conditions}
         for channel in part.channels:
             if not several and channel.channel != "stiffness":
                 continue  # the loop of the only condition shows it
-            yield partial(overview_figure, channel.channel, branches, number)
+            yield partial(overview_figure, channel.channel, of_part, number)
 
 
 def _branches(folder: Path, content: Content) -> dict[str, list[BranchData]]:

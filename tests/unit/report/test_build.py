@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import base64
 import re
+from collections import Counter
+from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import pytest
 
 from sma_bayes.errors import OutputError
 from sma_bayes.report.content import Content
+from sma_bayes.studies.fit import report as fit_report
 from sma_bayes.studies.report.build import build_report
 
 
@@ -41,6 +45,22 @@ def test_everything_is_there(built: tuple[Path, list[tuple[int, int, str]]], con
     assert len(tables) == 16
     assert tex == tables | {"publication", "supplement"}
     assert not [p for p in folder.rglob(".*") if p.is_file()]  # no temporary file is left
+
+
+def test_figures_of_a_campaign_whose_truth_is_known_read_each_posterior_once(
+    finished: Path, content: Content, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    read: Counter[str] = Counter()
+    posterior_of = fit_report.posterior_of
+
+    def counted(folder: Path, key: str, checksum: str | None) -> Any:
+        read[key] += 1
+        return posterior_of(folder, key, checksum)
+
+    monkeypatch.setattr(fit_report, "posterior_of", counted)
+    known: Any = replace(content, truth=("known",))  # type: ignore[arg-type]
+    assert len(list(fit_report._of_campaign(finished, known, diagnostics=True))) > 3
+    assert read == {r.key: 1 for r in content.records}
 
 
 def test_unasked_only_the_figures_of_the_report_are_drawn(run_copy: Path, content: Content) -> None:
