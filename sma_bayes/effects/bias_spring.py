@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from sma_bayes.arrays import Floats
-from sma_bayes.effects.types import Inputs, Response, Scales, either_sign
+from sma_bayes.effects.types import Inputs, Place, Response, Scales, either_sign
 from sma_bayes.parameters.space import Parameter
 
 
@@ -26,6 +26,7 @@ class BiasSpring:
         "the alloy's spring in martensite and in austenite (Ikuta, Proc. IEEE ICRA 1990, 2156-2161)"
     )
     needs = ("force", "displacement")
+    place = Place.RIG
 
     def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         force, displacement = scales.units["force"], scales.units["displacement"]

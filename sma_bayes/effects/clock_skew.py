@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from sma_bayes.arrays import Floats
 from sma_bayes.effects.transformation import moved
-from sma_bayes.effects.types import Inputs, Response, Scales, either_sign
+from sma_bayes.effects.types import Inputs, Place, Response, Scales, either_sign
 from sma_bayes.parameters.space import Parameter
 
 
@@ -26,6 +26,7 @@ class ClockSkew:
         "differ by a reading: 1-100 ms"
     )
     needs = ("force", "displacement", "time")
+    place = Place.SENSOR
 
     def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         prior = either_sign(0.1)

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from sma_bayes.arrays import Floats
 from sma_bayes.effects.transformation import at
-from sma_bayes.effects.types import Inputs, Response, Scales
+from sma_bayes.effects.types import Inputs, Place, Response, Scales
 from sma_bayes.parameters.distributions import LogNormal
 from sma_bayes.parameters.space import Parameter
 
@@ -28,6 +28,7 @@ class ContactError:
         "ASTM MNL12, Manual on the Use of Thermocouples in Temperature Measurement (1993)"
     )
     needs = ("outcome", "ambient_varies")
+    place = Place.SENSOR
 
     def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         prior = LogNormal(0.07, 0.9)

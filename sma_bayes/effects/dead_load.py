@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from sma_bayes.arrays import Floats
-from sma_bayes.effects.types import Inputs, Response, Scales
+from sma_bayes.effects.types import Inputs, Place, Response, Scales
 from sma_bayes.parameters.distributions import LogNormal
 from sma_bayes.parameters.space import Parameter
 
@@ -29,6 +29,7 @@ class DeadLoad:
         "the two and the cosine of the angle between pull and load cell"
     )
     needs = ("force", "several_loads")
+    place = Place.RIG
 
     def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         force, load = scales.units["force"], "Pa" if scales.specimen else "N"

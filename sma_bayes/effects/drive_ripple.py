@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from sma_bayes.arrays import Floats
-from sma_bayes.effects.types import Inputs, Response, Scales, either_sign
+from sma_bayes.effects.types import Inputs, Place, Response, Scales, either_sign
 from sma_bayes.parameters.distributions import Uniform
 from sma_bayes.parameters.space import Parameter
 
@@ -34,6 +34,7 @@ class DriveRipple:
         "(Wiley, 2009)"
     )
     needs = ("curve", "time", "frequency")
+    place = Place.SENSOR
 
     def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         channel = "force" if "force" in scales.step else "displacement"

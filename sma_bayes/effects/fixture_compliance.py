@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sma_bayes.arrays import Floats
-from sma_bayes.effects.types import Inputs, Response, Scales, either_sign
+from sma_bayes.effects.types import Inputs, Place, Response, Scales, either_sign
 from sma_bayes.parameters.space import Parameter
 
 
@@ -30,6 +30,7 @@ class FixtureCompliance:
         "characterization of machine compliance, Experimental Mechanics 37 (1997) 210-215"
     )
     needs = ("force", "displacement")
+    place = Place.RIG
 
     def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         force, displacement = scales.units["force"], scales.units["displacement"]

@@ -8,7 +8,7 @@ import numpy as np
 
 from sma_bayes.arrays import Floats
 from sma_bayes.effects.memory import lagged
-from sma_bayes.effects.types import Inputs, Response, Scales, either_sign
+from sma_bayes.effects.types import Inputs, Place, Response, Scales, either_sign
 from sma_bayes.parameters.distributions import LogNormal
 from sma_bayes.parameters.space import Parameter
 from sma_bayes.records.history import starts
@@ -31,6 +31,7 @@ class GuideFriction:
         "light guides 5-50 mN"
     )
     needs = ("force", "displacement", "reversals")
+    place = Place.RIG
 
     def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         newtons = scales.units["force"] == "N"

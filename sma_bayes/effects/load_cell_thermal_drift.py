@@ -10,7 +10,7 @@ import numpy as np
 from sma_bayes.arrays import Floats
 from sma_bayes.effects.memory import elapsed, lagged
 from sma_bayes.effects.transformation import measured
-from sma_bayes.effects.types import Inputs, Response, Scales, either_sign
+from sma_bayes.effects.types import Inputs, Place, Response, Scales, either_sign
 from sma_bayes.parameters.distributions import LogNormal
 from sma_bayes.parameters.space import Parameter
 
@@ -38,6 +38,7 @@ class LoadCellThermalDrift:
         "coefficient of the zero point; Load Cell Shop, temperature effects), more where uncompensated"
     )
     needs = ("force", "time", "warming_cell")
+    place = Place.SENSOR
 
     def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         size = either_sign(5e-4 * CAPACITY * scales.level["force"])

@@ -236,7 +236,8 @@ def _flat_tops(histories: Sequence[History]) -> str:
     below = force < 0.5 * (force.min() + force.max())
     bends = np.diff(force, 2)[below[1:-1] & below[2:] & below[:-2]]
     noise = MAD_TO_SD * float(np.median(np.abs(bends))) / np.sqrt(6.0) if bends.size else 0.0
-    if bends[1:] @ bends[:-1] >= 0.0:  # a curve bends the same way for a while, noise does not
+    # a curve bends the same way for a while, noise does not; the median, as few samples of a steep curve bend most
+    if bends.size > 1 and np.median(bends[1:] * bends[:-1]) >= 0.0:
         noise = 0.0
     highest = np.sort(force)[-max(LEAST_CUT, force.size // 100) :]
     again = count[-1] >= max(5.0, 3.0 * usual)

@@ -8,7 +8,7 @@ from typing import Final
 import numpy as np
 
 from sma_bayes.arrays import Floats
-from sma_bayes.effects.types import Inputs, Response, Scales
+from sma_bayes.effects.types import Inputs, Place, Response, Scales
 from sma_bayes.parameters.distributions import LogNormal, Normal
 from sma_bayes.parameters.space import Parameter
 
@@ -58,6 +58,7 @@ class Quantisation:
         "(NI USB-6009 User Guide)"
     )
     needs = ("lattice",)
+    place = Place.CONVERTER
 
     def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         channel = "force" if "force" in scales.step else "displacement"

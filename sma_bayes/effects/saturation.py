@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sma_bayes.arrays import Floats
-from sma_bayes.effects.types import Inputs, Response, Scales
+from sma_bayes.effects.types import Inputs, Place, Response, Scales
 from sma_bayes.parameters.distributions import LogNormal, Normal
 from sma_bayes.parameters.space import Parameter
 
@@ -28,6 +28,7 @@ class Saturation:
         "an ideal limiter; an input beyond the range of a converter returns its end (NI USB-6009 User Guide)"
     )
     needs = ("force", "flat_tops")
+    place = Place.RANGE
 
     def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         end = scales.high["force"] if scales.direction("force") > 0.0 else scales.low["force"]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from sma_bayes.arrays import Floats
-from sma_bayes.effects.types import Inputs, Response, Scales, either_sign
+from sma_bayes.effects.types import Inputs, Place, Response, Scales, either_sign
 from sma_bayes.parameters.space import Parameter
 
 
@@ -21,6 +21,7 @@ class SensorDrift:
         "(OIML R 60, 2017); more for uncompensated cells, so the prior allows a drift of 5 % of the span of force"
     )
     needs = ("force", "time")
+    place = Place.SENSOR
 
     def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         prior = either_sign(0.05 * scales.span["force"] / scales.span["time"])

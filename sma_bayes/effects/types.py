@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from enum import IntEnum
 from typing import Protocol
 
 import numpy as np
@@ -82,8 +83,20 @@ class Scales:
         )
 
 
+class Place(IntEnum):
+    """Where on the way from the alloy to the file an effect acts; see `with_effects`."""
+
+    ALLOY = 0
+    RIG = 1
+    SENSOR = 2
+    RANGE = 3
+    CONVERTER = 4
+
+
 class Effect(Protocol):
     """A physical effect that a model may miss.
+
+    One that does not act in the alloy says where it does by ``place``, a `Place`.
 
     Attributes
     ----------
@@ -145,8 +158,16 @@ def either_sign(within: float) -> StudentT:
     return StudentT(2.0, 0.0, within / float(stdtrit(2.0, 0.95)))
 
 
+def place_of(effect: Effect) -> Place:
+    """Where an effect acts; in the alloy, unless it says otherwise."""
+    return Place(getattr(effect, "place", Place.ALLOY))
+
+
 def with_effects(response: Response, effects: Sequence[tuple[Effect, Floats]]) -> Response:
-    """Response with effects around it, the last one outermost.
+    """Response with effects around it.
+
+    They go around each other as they do on the way from the alloy to the file, whatever the order in which they were
+    found: a load cell cuts off what the drift of its zero has added. Of those in one place the last one is outermost.
 
     Parameters
     ----------
@@ -154,7 +175,7 @@ def with_effects(response: Response, effects: Sequence[tuple[Effect, Floats]]) -
     effects : sequence of (Effect, ndarray)
         Each with its parameters (..., P).
     """
-    for effect, theta in effects:
+    for effect, theta in sorted(effects, key=lambda e: place_of(e[0])):
         response = _around(response, effect, theta)
     return response
 

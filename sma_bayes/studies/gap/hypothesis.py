@@ -40,7 +40,7 @@ class Hypothesis:
         All with the same channels.
     simulation : Simulation
     effects : tuple of Effect
-        Around the simulation, the last one outermost; their parameters serve all histories.
+        Around the simulation, see `with_effects`; their parameters serve all histories, in this order.
     space : ParameterSpace
         Those of the simulation first, then those of each effect.
     layout : tuple of ndarray of int

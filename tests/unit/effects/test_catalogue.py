@@ -115,6 +115,20 @@ def test_nothing_happens_at_size_0(name: str, measured, suited) -> None:
         np.testing.assert_allclose(out[channel], values, rtol=0.0, atol=1e-12 * size)
 
 
+@pytest.mark.parametrize("inner", ["load_cell_thermal_drift", "bias_spring", "asymmetric_kinetics"])
+def test_a_range_ends_after_all_else_whatever_was_found_first(inner: str, measured, suited) -> None:
+    """The load cell cuts off what the drift of its zero has added."""
+    inputs, response = measured[1].inputs, response_at(THETA)
+    effect, scales = EFFECTS[inner], scales_for(inner, measured, suited)
+    one = effect, quantiles(effect, scales, np.full(count(effect, scales), 0.7))
+    changed = with_effects(response, [one])(inputs)["force"]
+    end = float(np.median(changed))
+    cut = EFFECTS["saturation"], np.array([0.9, end])
+    expected = changed - 0.9 * np.maximum(changed - end, 0.0)
+    for order in ([one, cut], [cut, one]):
+        np.testing.assert_allclose(with_effects(response, order)(inputs)["force"], expected)
+
+
 @each
 def test_it_fades_with_its_size(name: str, measured, suited) -> None:
     effect, scales = EFFECTS[name], scales_for(name, measured, suited)

@@ -108,6 +108,20 @@ def test_cut_tops_and_lattices(measured, suited) -> None:
     assert NEEDS["lattice"](suited["quantisation"]) == ""
 
 
+@pytest.mark.parametrize(("end", "why"), [(0.9, ""), (2.0, "the greatest force is not cut off")])
+def test_a_cut_is_seen_where_few_samples_of_a_steep_curve_bend_most(
+    measured: tuple[History, ...], end: float, why: str
+) -> None:
+    rng, after = np.random.default_rng(1), 4e-4
+
+    def steep(h: History) -> History:
+        share = 1.0 / (1.0 + np.exp(-0.3 * (h.inputs["temperature"] - 65.0)))
+        force = np.minimum(share + 4e-3 * rng.standard_normal(h.n), end) + after * rng.standard_normal(h.n)
+        return replace(h, observed={**h.observed, "force": force})
+
+    assert NEEDS["flat_tops"]([steep(h) for h in measured]) == why
+
+
 def test_a_held_channel_is_named_once(measured: tuple[History, ...]) -> None:
     held = [replace(without("force")(h), held={"force": 1.0}) for h in measured]
     assert untestable(EFFECTS["saturation"].needs, held) == "force was kept constant by the rig"
