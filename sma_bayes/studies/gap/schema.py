@@ -430,7 +430,9 @@ class GapOfModel(DocumentPart):
     candidates: Items[JudgedCandidate] = Field(
         description="one for each effect of the catalogue, what was added first"
     )
-    rounds: Items[StatedRound] = Field(description="what was seen and tried in each round")
+    rounds: Items[StatedRound] = Field(
+        description="what was seen and tried in each round; one that looks for an effect anew begins without it"
+    )
     remaining: StatedRemaining = Field(description="what the final model still misses")
     gap: StatedGap = Field(description="the gap on held-out measurements")
     thresholds: GapThresholds = Field(description="thresholds that decide")

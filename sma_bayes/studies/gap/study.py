@@ -36,6 +36,7 @@ from sma_bayes.studies.gap.name import (
     screen_all,
     share_of,
 )
+from sma_bayes.studies.gap.one_stage import OneStageShapes
 from sma_bayes.studies.gap.scatter import MOSTLY, holds_beside, members_of
 from sma_bayes.studies.gap.schema import StatedPeriodicity, Verdict
 
@@ -61,6 +62,8 @@ AT_ONCE = 3
 """How many effects are added at once, at most."""
 HALF_WAY = 0.5
 """What two effects must explain of what the best flexible term does, for a third to be tried beside them."""
+WIDE = 2
+"""Sets of two effects, best first, beside which a third is tried."""
 FEW = 100
 """Shuffles of the looks between several effects that are added at once."""
 MOST = 4
@@ -74,7 +77,7 @@ class Step:
     Attributes
     ----------
     before : FittedHypothesis
-        The model at the start of the round.
+        The model at the start of the round; without an effect that is looked for anew.
     look : DisagreementTest
         Where it disagreed.
     candidates : tuple of Candidate
@@ -210,20 +213,29 @@ def study_from(
     """The loop from a fitted baseline; see `study_campaign`."""
     current, bare, explained = first, first, 0.0
     steps: list[Step] = []
+    exchanges = 0
     while True:
         tell(f"looking for disagreements, round {len(steps) + 1}")
         least = max(WORTH, FURTHER * explained)
         apart = least_by_channel(current, steps)
-        found = [one_round(current, effects, rng, last=len(steps) == MOST, least=least, apart=apart)]
+        full = len(current.hypothesis.effects) == MOST
+        found = [one_round(current, effects, rng, last=full, least=least, apart=apart)]
         one = found[0].chosen
         alone = one is not None and not members_of(one.effect)
-        missing = not alone and len(steps) <= MOST - 2 and not found[0].only_shape
+        missing = not alone and len(current.hypothesis.effects) <= MOST - 2
         lacking = _lacking(found[0], bare, current, explained)
         if missing and (lacking or (steps and _something_else(found[0]))):
             tell(f"trying several effects at once, round {len(steps) + 1}")
             laws = effects if one is None else {k: e for k, e in effects.items() if not members_of(e)}
             over = WORTH if one is None else MOSTLY * one.ln_bayes_factor
-            found = several_rounds(found[0], laws, rng, least, over, most=MOST - len(steps)) or found
+            most = MOST - len(current.hypothesis.effects)
+            found = several_rounds(found[0], laws, rng, least, over, most=most) or found
+        if found[-1].chosen is None and exchanges < MOST:
+            tell("looking at each effect beside the others")
+            exchanges += 1
+            again, better = beside_the_others(current, steps, effects, rng)
+            steps += again
+            found += better
         steps += found
         chosen = steps[-1].chosen
         if chosen is None or chosen.fitted is None:
@@ -285,6 +297,43 @@ def one_round(
         return Step(current, seen, (*tried, *untested), None, (), terms)
     chosen = _preferred(worthy)
     return Step(current, seen, (*tried, *untested), chosen, _like(chosen, fitted), terms)
+
+
+def beside_the_others(
+    current: FittedHypothesis, steps: Sequence[Step], effects: Mapping[str, Effect], rng: np.random.Generator
+) -> tuple[list[Step], list[Step]]:
+    """Look again at each effect of a model but the last, as if it came last.
+
+    The first effects were chosen while others were still missing, and what was missing was a part of what they had to
+    explain. Beside the others another effect may explain more, and others may be those that can't be told from it.
+
+    Returns
+    -------
+    classes : list of Step
+        Rounds in which an effect keeps its place, and others than before are like it.
+    exchange : list of Step
+        The round in which another effect surely explains more, and takes the place of one; empty where there is none.
+    """
+    classes: list[Step] = []
+    seen = {s.chosen.effect.id: s.class_ for s in steps if s.chosen is not None}
+    for effect in current.hypothesis.effects[:-1]:
+        rest = _without(current, effect)
+        worth = current.ln_evidence - rest.ln_evidence
+        step = one_round(rest, effects, rng, refitted=FIRST_OF_SEVERAL, steps=False, shuffles=FEW)
+        fitted = [c for c in step.candidates if c.fitted is not None]
+        better = [
+            c
+            for c in fitted
+            if is_worthy(c) and not members_of(c.effect) and c.ln_bayes_factor >= worth + APART
+        ]
+        own = [c for c in fitted if c.effect.id == effect.id]
+        for chosen in (better or own)[:1]:
+            found = replace(step, chosen=chosen, class_=_like(chosen, fitted))
+            if chosen.effect.id != effect.id:
+                return classes, [found]
+            if set(found.class_) != set(seen.get(effect.id, ())):
+                classes.append(found)
+    return classes, []
 
 
 def least_by_channel(current: FittedHypothesis, steps: Sequence[Step]) -> dict[str, float]:
@@ -413,15 +462,25 @@ def several_rounds(
     beside the others, by the same rules; and since there are many such sets, some of which mimic an effect that is not
     in the catalogue, all together have to be worth more than the best flexible term, by `WORTH`, at least `over`, and
     at least `least` unless each explains something else than the form of those before it may leave. Sets begin with one
-    of the best effects and grow by the best on top of them; three are tried where no two do.
+    of the best laws, of random effects only where there are none, and grow by the best on top of them; three are tried
+    where no two do.
+
+    Where another shape of the curve would explain all there is, only two laws are tried, each of which explains half of
+    that, and together they have to be worth more than every shape that one stage can have and a free one.
     """
     promising = [c for c in _promising(first) if c.effect.id in effects]
     best = first.look.best.ln_bayes_factor
-    needed = max(over, best + WORTH)
+    needed, share = max(over, best + WORTH), FURTHER
+    begin = [c for c in promising if not members_of(c.effect)]
+    if first.only_shape:
+        effects = {name: e for name, e in effects.items() if not members_of(e)}
+        needed, share, most = max(needed, shape_of(first) + WORTH), HALF_WAY, 2
+    elif not begin:
+        begin = promising
     chains = [
         [_added(first, one, promising)]
-        for one in promising[:FIRST_OF_SEVERAL]
-        if one.ln_bayes_factor >= FURTHER * best
+        for one in begin[:FIRST_OF_SEVERAL]
+        if one.ln_bayes_factor >= share * best
     ]
     for _ in range(1, min(AT_ONCE, most)):
         grown = _different([longer for chain in chains if (longer := _grown(chain, effects, rng))])
@@ -429,8 +488,14 @@ def several_rounds(
             enough = _together(chain) >= least or _each_is_another(chain)
             if _together(chain) >= needed and enough and _hold_together(chain):
                 return chain
-        chains = [c for c in grown if _together(c) >= HALF_WAY * best][:1]
+        chains = [c for c in grown if _together(c) >= HALF_WAY * best][:WIDE]
     return []
+
+
+def shape_of(step: Step) -> float:
+    """Log Bayes factor of the best shape that the curve may have: of one stage, or free."""
+    free = 0.0 if step.flexible is None else step.flexible.shape
+    return max(free, OneStageShapes(step.before).worth())
 
 
 def _different(chains: Sequence[list[Step]]) -> list[list[Step]]:

@@ -96,8 +96,9 @@ def ladder_figure(study: StoredStudy) -> Drawing:
             "The ladder of steps. Left: in each round the candidates that came nearest, by the logarithm of the Bayes "
             "factor for the model with the effect over the model without (linear up to the threshold, logarithmic "
             "beyond). An effect is added if it beats the threshold and the best smooth function without a mechanism "
-            "that contains most of its signature; where none does, two at once may, each beside the other. Right: root "
-            "mean square of held-out residuals; dotted: noise alone."
+            "that contains most of its signature; where none does, two at once may, each beside the other. Where no "
+            "more is added, an effect may be looked for anew, or exchanged, beside the others. Right: root mean square "
+            "of held-out residuals; dotted: noise alone."
         ),
         alt="logarithms of Bayes factors of candidates, round by round, and the gap on held-out measurements",
         figure=figure,

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 from sma_bayes.effects import EFFECTS
+from sma_bayes.parameters.distributions import Normal
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.history import History, histories
 from sma_bayes.records.types import Branch, Campaign, Condition, Record
@@ -24,6 +25,7 @@ from sma_bayes.studies.gap.study import (
     WORTH,
     _preferred,
     baseline_start,
+    beside_the_others,
     heat_balance,
     least_by_channel,
     study_campaign,
@@ -172,7 +174,7 @@ def test_what_is_small_beside_another_in_its_channel_is_named_where_no_form_of_t
     """A stroke that explains less than a tenth of what a shift does, in the one channel that there is."""
     found = study_campaign(stronger(rig(shift=6.0).campaign(), 0.008), PRIORS, pooled=True)
     assert [e.id for e in found.effects] == ["stress_shift", "stress_stroke"]
-    great, small = (s.chosen.ln_bayes_factor for s in found.steps if s.chosen is not None)
+    great, small = (s.chosen.ln_bayes_factor for s in found.steps[:2] if s.chosen is not None)
     assert small < 0.5 * FURTHER * great
     assert found.left.p_value > 1e-3
 
@@ -269,6 +271,62 @@ def test_what_a_later_effect_makes_needless_goes(rig) -> None:
     assert without_needless(kept) is kept
     found = study_from(fitted(rate), {"thermocouple_lag": lag}, rng, lambda _: None)
     assert [e.id for e in found.effects] == ["thermocouple_lag"]
+
+
+@dataclass(frozen=True)
+class Loose(type(EFFECTS["stress_shift"])):  # type: ignore[misc]
+    """A stress shift of any size: a thousand times as dear."""
+
+    id = "loose"
+
+    def parameters(self, scales):
+        (c,) = super().parameters(scales)
+        return (replace(c, prior=Normal(0.0, 3000.0)),)
+
+
+@pytest.fixture(scope="module")
+def fitted_with(rig):
+    """A campaign with a lag and a shift, fitted with some effects; the first begins at a size."""
+
+    def run(size: float, *effects):
+        campaign = rig(lag=0.4, shift=2.0).campaign()
+        plain = baseline(campaign, histories(campaign), PRIORS, pooled=True)
+        z = baseline_start(plain, campaign, PRIORS, pooled=True, rng=np.random.default_rng(0))
+        hypothesis = plain.with_effects(effects)
+        rest = hypothesis.space.prior_centre()[z.size + 1 :]
+        return fit_with_noise(hypothesis, np.concatenate([z, [size], rest]))
+
+    return run
+
+
+def test_an_effect_makes_room_for_one_that_explains_more_beside_the_others(fitted_with) -> None:
+    """On top of the dear one the other explains nothing, and is not added."""
+    loose, lag, shift = Loose(), EFFECTS["thermocouple_lag"], EFFECTS["stress_shift"]
+    dear = fitted_with(2.0, loose, lag)
+    catalogue = {e.id: e for e in (loose, lag, shift)}
+    found = study_from(dear, catalogue, np.random.default_rng(0), lambda _: None)
+    assert [e.id for e in found.effects] == ["thermocouple_lag", "stress_shift"]
+    assert found.final.ln_evidence > dear.ln_evidence + APART
+    step = next(s for s in found.steps if s.chosen is not None)
+    assert step.chosen.effect.id == "stress_shift"
+    assert [e.id for e in step.before.hypothesis.effects] == ["thermocouple_lag"]
+    assert found.left is found.steps[-1].look
+
+
+def test_what_can_not_be_told_from_an_effect_is_found_beside_the_others(fitted_with) -> None:
+    @dataclass(frozen=True)
+    class Twin(type(EFFECTS["stress_shift"])):  # type: ignore[misc]
+        id = "twin"
+
+    lag, shift = EFFECTS["thermocouple_lag"], EFFECTS["stress_shift"]
+    both = fitted_with(2.0, shift, lag)
+    catalogue = {e.id: e for e in (lag, shift, Twin())}
+    (step,), exchange = beside_the_others(both, [], catalogue, np.random.default_rng(0))
+    assert set(step.class_) == {"stress_shift", "twin"}
+    assert [e.id for e in step.before.hypothesis.effects] == ["thermocouple_lag"]
+    assert exchange == []
+    again = beside_the_others(both, [step], catalogue, np.random.default_rng(0))
+    assert again == ([], [])
 
 
 def test_what_can_not_be_tested_is_said_and_not_tried(rig) -> None:
