@@ -148,7 +148,7 @@ class Bench:
 
     def readings(self, hidden: Sequence[Hidden]) -> tuple[Readings, ...]:
         """Without noise and digitisers."""
-        return tuple(simulate(course, hidden) for course in self.courses)
+        return tuple(simulate(course, _in_order(hidden)) for course in self.courses)
 
     def measured(
         self, clean: Sequence[Readings], hidden: Sequence[Hidden], factor: float
@@ -163,7 +163,7 @@ class Bench:
     def _digitised(self, readings: Readings, hidden: Sequence[Hidden], factor: float) -> Readings:
         """Force as the converter gives it: cut off at its upper end, or in steps."""
         force = readings.channels["force"]
-        for h in hidden:
+        for h in _in_order(hidden):
             if h.mechanism.stage is Stage.DIGITISER:
                 force = DIGITISERS[h.mechanism.id, self._law_of(h)](
                     force, readings.course.spring, h.size, factor * self.sd["force"]
@@ -303,6 +303,12 @@ def _hidden(effect: str, size: float, seed: int, law: str = "first") -> Hidden:
     mechanism = LAWS[law].get(effect) or MECHANISMS[effect]
     rng = np.random.default_rng([seed, 2, zlib.crc32(effect.encode())])
     return Hidden(mechanism, size, mechanism.traits(rng))
+
+
+def _in_order(hidden: Sequence[Hidden]) -> list[Hidden]:
+    """Mechanisms as they act one after the other, whatever the order of their names."""
+    order = [*MECHANISMS]
+    return sorted(hidden, key=lambda h: order.index(h.mechanism.id))
 
 
 def _noise_factor(bench: Bench, drawn: Sequence[Hidden], sigma: float) -> float:

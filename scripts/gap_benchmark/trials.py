@@ -292,7 +292,7 @@ def outcome_of(study: GapStudy, wanted: Sequence[str]) -> str:
     """``right``: named itself; ``class``: in the class of a name; ``part``: only some of several; ``wrong``: another
     name; ``confident``: another name with no rival; or ``none`` or ``unnamed``.
 
-    ``shape``: unnamed, and told as the shape of the curve, where that is what was hidden.
+    ``shape``: told as the shape of the curve, where that is what was hidden; what was hidden beside it is named.
     """
     if study.verdict == "unnamed" and list(wanted) == [BEND] and study.steps[-1].only_shape:
         return "shape"
@@ -303,7 +303,7 @@ def outcome_of(study: GapStudy, wanted: Sequence[str]) -> str:
         return "confident" if any(len(c) == 1 for c in strangers) else "wrong"
     found = [w for w in wanted if any(w in c for c in study.classes.values())]
     if len(found) < len(wanted):
-        return "part"
+        return "shape" if {*wanted} - {*found} == {BEND} and study.steps[-1].only_shape else "part"
     return "right" if {e.id for e in study.effects} == set(wanted) else "class"
 
 

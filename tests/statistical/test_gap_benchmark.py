@@ -126,6 +126,22 @@ def test_what_no_effect_can_be_has_no_name() -> None:
         pytest.param(
             "pairs", "bias_spring+thermocouple_lag", 100.0, "second", 11, marks=pytest.mark.thorough
         ),
+        # what drifts before a limit was put around it
+        ("pairs", "load_cell_thermal_drift+saturation", 10.0, "first", 12),
+        # training stood in for fading while the creep was missing
+        pytest.param("pairs", "amplitude_fatigue+hot_creep", 30.0, "first", 8, marks=pytest.mark.thorough),
+        # two that only bend the curve, and a third one beside two sets of two
+        pytest.param(
+            "pairs", "path_stress_shift+thermal_expansion", 30.0, "first", 2, marks=pytest.mark.thorough
+        ),
+        pytest.param(
+            "triples",
+            "amplitude_fatigue+hot_creep+thermal_expansion",
+            30.0,
+            "second",
+            1,
+            marks=pytest.mark.thorough,
+        ),
         # what is left is the form of the first: 9 and 1 % of what that explains
         pytest.param("hidden", "temperature_gradient", 30.0, "first", 0, marks=pytest.mark.thorough),
         pytest.param("hidden", "amplitude_fatigue", 300.0, "second", 0, marks=pytest.mark.thorough),

@@ -365,3 +365,19 @@ def test_generators_share_no_code_with_the_catalogue() -> None:
         if isinstance(node, ast.ImportFrom) and node.module
     }
     assert {m for m in imported if m.startswith("sma_bayes")} == {"sma_bayes.records.types"}
+
+
+@pytest.mark.parametrize(
+    ("names", "law"),
+    [(("thermal_expansion", "training"), "second"), (("quantisation", "saturation"), "first")],
+)
+def test_mechanisms_act_in_their_own_order_whatever_that_of_their_names(
+    names: tuple[str, str], law: str
+) -> None:
+    """By the order of their names training forgot what had expanded, and a limit cut between two steps."""
+    case, other = (hide_several(order, 30.0, seed=2, law=law) for order in (names, names[::-1]))
+    for one, again in zip(case.campaign.records, other.campaign.records, strict=True):
+        for channel, values in one.observed.items():
+            np.testing.assert_array_equal(values, again.observed[channel])
+    assert all(answer.sigma == pytest.approx(30.0, rel=1e-3) for answer in case.answers)
+    assert case.sigma > 35.0, "one of them has undone the other"

@@ -58,3 +58,20 @@ def test_a_shape_is_the_answer_only_where_a_bent_curve_was_hidden(
     study: Any = SimpleNamespace(verdict=verdict, steps=[SimpleNamespace(only_shape=only_shape)])
     assert outcome_of(study, [hidden]) == outcome
     assert outcome_of(study, [hidden, "r_phase"]) == verdict
+
+
+@pytest.mark.parametrize(
+    ("named", "only_shape", "beside", "outcome"),
+    [
+        ("dead_load", True, "dead_load", "shape"),
+        ("dead_load", False, "dead_load", "part"),
+        ("dead_load", True, "r_phase", "confident"),
+    ],
+)
+def test_a_bent_curve_beside_a_name_may_be_told_as_a_shape(
+    named: str, only_shape: bool, beside: str, outcome: str
+) -> None:
+    steps = [SimpleNamespace(only_shape=only_shape)]
+    study: Any = SimpleNamespace(verdict="named", steps=steps, classes={named: (named,)}, effects=())
+    assert outcome_of(study, ["asymmetric_kinetics", beside]) == outcome
+    assert outcome_of(study, [beside, "bias_spring"]) == ("confident" if named != beside else "part")
