@@ -20,7 +20,6 @@ from sma_bayes.arrays import Floats
 from sma_bayes.fitting.discrepancy import MEDIAN_SIZE, SIGMA_OF_SIZE
 from sma_bayes.fitting.sweep_functions import SweepFunctions
 from sma_bayes.noise import NoiseModel, Steps
-from sma_bayes.noise.information import Information
 
 GREATEST_INFORMATION = 1e14
 """Information about weights, in units of that of their prior, beyond which a point counts as impossible."""
@@ -75,7 +74,7 @@ class Whitened:
             count = noise.location_information(shape)
             power = np.einsum("mn,mn->m", self.rows, self.rows)
             return _Apart(self, a, inverse, count[:, None] * (self.size * inverse) ** 2 * power)
-        gram = noise.information(shape, self.steps, inverse).gram(self.rows)
+        gram = noise.weighted_gram(self.rows, shape, self.steps, inverse)
         return _Coupled(self, a, inverse, gram * (self.size[:, :, None] * self.size[:, None, :]))
 
     def _likeliest(self, weights: _Weights) -> Floats:
@@ -94,24 +93,15 @@ class Whitened:
 
         Otherwise by Laplace's method with the expected information, at the likeliest weights.
         """
-        weights = self._system()
-        return self._density(weights, self._likeliest(weights))
-
-    def marginal_with_likeliest_series(self) -> tuple[Floats, Floats]:
-        """`marginal_log_density` and `likeliest_series`, of one solution."""
+        noise, shape, steps = self.noise, self.shape, self.steps
         weights = self._system()
         v = self._likeliest(weights)
-        return self._density(weights, v), weights.series(v)
-
-    def _density(self, weights: _Weights, v: Floats) -> Floats:
-        """Log density (W,) with the weights integrated out about the likeliest (W, m)."""
-        noise, shape, steps = self.noise, self.shape, self.steps
         if noise.is_gaussian:
             density = noise.total_log_density(self.e, shape, steps)
-            density = density + 0.5 * _dot(v, weights.project(weights.a))
+            density = density + 0.5 * np.einsum("wm,wm->w", v, weights.project(weights.a))
         else:
             density = noise.total_log_density(self.e - weights.series(v), shape, steps)
-            density = density - 0.5 * _dot(v, v)
+            density = density - 0.5 * np.einsum("wm,wm->w", v, v)
         if self.scale.shape[1] == 1:
             log_scale = self.e.shape[1] * np.log(self.scale[:, 0])
         else:
@@ -148,11 +138,6 @@ def safe_cholesky(information: Floats) -> tuple[Floats, NDArray[np.bool_]]:
         usable &= least > 1e-15 * np.einsum("wmm->w", matrix)
         matrix[~usable] = np.eye(matrix.shape[1])
         return np.asarray(np.linalg.cholesky(matrix)), usable
-
-
-def _dot(a: Floats, b: Floats) -> Floats:
-    """Inner products (W,) of the rows of two arrays."""
-    return np.asarray(np.einsum("wm,wm->w", a, b))
 
 
 class _Weights:
@@ -250,56 +235,12 @@ class _Coupled(_Weights):
         return self._back(rng.standard_normal(self.root.shape[:2]).T.copy())
 
 
-class WithoutSweeps:
-    """Normal equations from which the weights of what sweeps have of their own are eliminated, sweep by sweep.
-
-    Those of one sweep know of another's through the weights of all samples alone, so that what this costs grows with
-    the number of samples. With ``1 + D``, `B` and `C` the parts of one sweep, between it and all, and of all samples,
-    what is left is ``C - sum of B' (1 + D)**-1 B``.
-
-    Parameters
-    ----------
-    information : Information
-        Of the samples, for W values of the noise.
-    rows : ndarray, shape (m, n)
-        Series whose weights stay.
-    own : SweepFunctions
-        What sweeps have of their own: q functions of each of S sweeps.
-    size : ndarray, shape (W,)
-        Standard deviation of their weights a priori.
-
-    Attributes
-    ----------
-    left : ndarray, shape (W, m, m)
-        Information about the weights that stay.
-    inverse_root : ndarray, shape (W, S, q, q)
-        Inverses of the Cholesky factors of ``1 + D``.
-    shares : ndarray, shape (W, S, q, m)
-        ``(1 + D)**-1 B``.
-    half_log_determinant : ndarray, shape (W,)
-        Of all ``1 + D``; not a number where they can't be factored.
-    """
-
-    def __init__(self, information: Information, rows: Floats, own: SweepFunctions, size: Floats) -> None:
-        q, m, sweeps = len(own.samples), len(rows), len(own.parts)
-        scale = size[:, None, None, None]
-        every = np.concatenate([own.samples, rows])
-        parts = np.stack([information.products(own.samples, every, part) for part in own.parts], axis=1)
-        blocks = (parts[..., :q] * (scale * scale)).reshape(-1, q, q)
-        root, usable = safe_cholesky(blocks)
-        usable = usable.reshape(-1, sweeps)
-        across = np.where(usable[..., None, None], parts[..., q:] * scale, 0.0)
-        self.inverse_root = np.linalg.inv(root).reshape(-1, sweeps, q, q)
-        half = self.inverse_root @ across
-        self.shares = np.swapaxes(self.inverse_root, 2, 3) @ half
-        taken = half.reshape(len(half), sweeps * q, m)
-        self.left = information.gram(rows) - np.swapaxes(taken, 1, 2) @ taken
-        log_determinant = np.log(np.einsum("wqq->wq", root)).reshape(-1, sweeps * q).sum(axis=1)
-        self.half_log_determinant = np.where(usable.all(axis=1), log_determinant, np.nan)
-
-
 class _WithSweeps(_Weights):
-    """Weights of all samples, and of each sweep alone: see `WithoutSweeps`.
+    """Weights of all samples, and of each sweep alone: those of one sweep know of another's through the first alone.
+
+    Weights of sweeps are eliminated sweep by sweep, so that what this costs grows with the number of samples. With
+    `D`, `B` and `C` the parts of ``1 + H`` of one sweep, between sweep and all, and of all, what is left is
+    ``C - sum of B' D**-1 B``.
 
     Parameters
     ----------
@@ -309,56 +250,74 @@ class _WithSweeps(_Weights):
 
     def __init__(self, whitened: Whitened, a: Floats, inverse: Floats) -> None:
         super().__init__(whitened, a, inverse)
-        own, between, size = whitened.sweep_functions, whitened.between, whitened.size
+        own, between = whitened.sweep_functions, whitened.between
         assert own is not None
         assert between is not None
         self.sweep_functions = own
         self.own_size = between[:, None, None]
-        information = whitened.noise.information(whitened.shape, whitened.steps, inverse)
-        self.sweeps = WithoutSweeps(information, whitened.rows, own, between)
-        self.shares = self.sweeps.shares * size[:, None, None, :]
-        self.common = _Coupled(whitened, a, inverse, self.sweeps.left * (size[:, :, None] * size[:, None, :]))
+        m, q = len(whitened.rows), len(own.samples)
+        size = np.broadcast_to(whitened.size, (len(a), m))
+        all_sizes = np.concatenate([size, np.repeat(between[:, None], q, axis=1)], axis=1)
+        every = np.concatenate([whitened.rows, own.samples])
+        total = np.zeros((len(a), m, m))
+        roots, shares, usable = [], [], np.ones(len(a), dtype=bool)
+        for part in own.parts:
+            gram = self._gram(every[:, part], part) * (all_sizes[:, :, None] * all_sizes[:, None, :])
+            root, fine = safe_cholesky(gram[:, m:, m:])
+            across = np.where(fine[:, None, None], gram[:, m:, :m], 0.0)
+            half = np.linalg.solve(root, across)
+            total += gram[:, :m, :m] - np.swapaxes(half, 1, 2) @ half
+            roots.append(root)
+            shares.append(np.linalg.solve(np.swapaxes(root, 1, 2), half))
+            usable &= fine
+        self.roots, self.shares = np.stack(roots, axis=1), np.stack(shares, axis=1)
+        self.common = _Coupled(whitened, a, inverse, total)
+        self.unusable = np.where(usable, 0.0, np.nan)
+
+    def _gram(self, rows: Floats, part: slice) -> Floats:
+        """Information (W, m + q, m + q) of the samples of one sweep about weights of rows."""
+        w = self.whitened
+        inverse = self.inverse if self.inverse.shape[1] == 1 else self.inverse[:, part]
+        return w.noise.weighted_gram(rows, w.shape, w.steps.part(part), inverse)
 
     def _apart(self, v: Floats) -> tuple[Floats, Floats]:
         """Weights of all samples (W, m), and of the sweeps (W, S, q)."""
         m = len(self.whitened.rows)
-        return v[:, :m], v[:, m:].reshape(len(v), *self.shares.shape[1:3])
+        return v[:, :m], v[:, m:].reshape(len(v), *self.roots.shape[1:3])
 
     def project(self, innovation: Floats) -> Floats:
         w = self.whitened
         back = w.noise.decorrelate_adjoint(innovation, w.shape, w.steps) * self.inverse
-        samples = self.sweep_functions.samples.T
-        of_sweeps = np.stack([back[:, part] @ samples[part] for part in self.sweep_functions.parts], axis=1)
-        joined = (of_sweeps * self.own_size).reshape(len(back), -1)
+        starts = [part.start for part in self.sweep_functions.parts]
+        of_sweeps = (
+            np.add.reduceat(back[:, None, :] * self.sweep_functions.samples, starts, axis=2) * self.own_size
+        )
+        joined = np.swapaxes(of_sweeps, 1, 2).reshape(len(back), -1)
         return np.concatenate([(back @ w.rows.T) * w.size, joined], axis=1)
 
     def series(self, v: Floats) -> Floats:
         common, own = self._apart(v)
-        found, samples = (common * self.whitened.size) @ self.whitened.rows, self.sweep_functions.samples
-        own = own * self.own_size
-        for sweep, part in enumerate(self.sweep_functions.parts):
-            found[:, part] += own[:, sweep] @ samples[:, part]
-        return np.asarray(found * self.inverse)
+        of_sweeps = np.einsum(
+            "wnq,qn->wn", (own * self.own_size)[:, self.sweep_functions.sweep], self.sweep_functions.samples
+        )
+        return np.asarray(((common * self.whitened.size) @ self.whitened.rows + of_sweeps) * self.inverse)
 
     def solve(self, right: Floats) -> Floats:
         of_all, of_sweeps = self._apart(right)
-        own_shape = len(right), of_sweeps[0].size
-        inverse_root = self.sweeps.inverse_root
-        held = (np.swapaxes(inverse_root, 2, 3) @ (inverse_root @ of_sweeps[..., None]))[..., 0]
-        shares = self.shares.reshape(*own_shape, of_all.shape[1])
-        pull = (np.swapaxes(shares, 1, 2) @ of_sweeps.reshape(*own_shape, 1))[..., 0]
-        common = self.common.solve(of_all - pull)
-        own = held.reshape(own_shape) - (shares @ common[..., None])[..., 0]
-        return np.concatenate([common, own], axis=1)
+        held = of_sweeps[..., None]
+        held = np.linalg.solve(np.swapaxes(self.roots, 2, 3), np.linalg.solve(self.roots, held))[..., 0]
+        common = self.common.solve(of_all - np.einsum("wsqm,wsq->wm", self.shares, of_sweeps))
+        own = held - np.einsum("wsqm,wm->wsq", self.shares, common)
+        return np.concatenate([common, own.reshape(len(own), -1)], axis=1)
 
     def half_log_determinant(self) -> Floats:
-        return np.asarray(self.common.half_log_determinant() + self.sweeps.half_log_determinant)
+        of_sweeps = np.log(np.einsum("wsqq->wsq", self.roots)).sum(axis=(1, 2))
+        return np.asarray(self.common.half_log_determinant() + of_sweeps + self.unusable)
 
     def draw(self, rng: np.random.Generator) -> Floats:
         common = self.common.draw(rng)
-        inverse_root = self.sweeps.inverse_root
-        fresh = rng.standard_normal(inverse_root.shape[:3])[..., None]
-        own = (np.swapaxes(inverse_root, 2, 3) @ fresh)[..., 0]
+        fresh = rng.standard_normal(self.roots.shape[:3])[..., None]
+        own = np.linalg.solve(np.swapaxes(self.roots, 2, 3), fresh)[..., 0]
         own = own - np.einsum("wsqm,wm->wsq", self.shares, common)
         return np.concatenate([common, own.reshape(len(own), -1)], axis=1)
 

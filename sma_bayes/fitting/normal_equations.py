@@ -10,12 +10,12 @@ A discrepancy beside the curve is integrated out: what the samples tell of its w
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from sma_bayes.arrays import Bools, Floats, Ints
-from sma_bayes.fitting.discrepancy_weights import WithoutSweeps, safe_cholesky
+from sma_bayes.fitting.discrepancy_weights import safe_cholesky
 from sma_bayes.fitting.posterior import Posterior
 from sma_bayes.fitting.sweep_functions import SweepFunctions
 from sma_bayes.noise import Steps
@@ -94,7 +94,7 @@ class NormalEquations:
                 shape = self.posterior.noise.shape_of(theta[:, at])
                 basis = self.bases[record].get(channel)
                 if basis is None:
-                    gram = self.posterior.noise.information(shape, steps).gram(rows)
+                    gram = self.posterior.noise.weighted_gram(rows, shape, steps)
                 elif channel in place.between:
                     sizes = (theta[:, places[channel]] for places in (place.size, place.between))
                     ratios = (per_variance * size**2 for size in sizes)
@@ -122,13 +122,15 @@ class NormalEquations:
         of_sweeps: Floats,
     ) -> tuple[Floats, Floats]:
         """The same as `_without_weights` where each sweep has something of its own, of another ratio (W,)."""
-        among, apart = np.split(basis, [len(basis) - len(own.samples)])
-        information = self.posterior.noise.information(shape, steps)
-        sweeps = WithoutSweeps(
-            information, np.concatenate([rows, among]), replace(own, samples=apart), np.sqrt(of_sweeps)
-        )
-        gram, volume = _eliminated(sweeps.left, len(rows), ratio)
-        return gram, sweeps.half_log_determinant + volume
+        every, kept = np.concatenate([rows, basis]), len(rows) + len(basis) - len(own.samples)
+        total, log_volume = np.zeros((len(shape), kept, kept)), np.zeros(len(shape))
+        for part in own.parts:
+            gram = self.posterior.noise.weighted_gram(every[:, part], shape, steps.part(part))
+            left, volume = _eliminated(gram, kept, of_sweeps)
+            total += left
+            log_volume += volume
+        gram, volume = _eliminated(total, len(rows), ratio)
+        return gram, log_volume + volume
 
     def _without_weights(
         self, rows: Floats, basis: Floats, shape: Floats, steps: Steps, ratio: Floats
@@ -136,7 +138,7 @@ class NormalEquations:
         """Inner products (W, m + 1, m + 1) of rows with the weights of a basis integrated out; see `_eliminated`."""
         noise = self.posterior.noise
         if noise.autocorrelated:
-            gram = noise.information(shape, steps).gram(np.concatenate([rows, basis]))
+            gram = noise.weighted_gram(np.concatenate([rows, basis]), shape, steps)
             return _eliminated(gram, len(rows), ratio)
         # without memory one set of axes serves all values of the noise
         power, axes = np.linalg.eigh(basis @ basis.T)
