@@ -478,6 +478,7 @@ def no_entry(measured: Path, tmp_path: Path) -> Iterator[Path]:
 
 AS_NOBODY = """\
 import contextlib, importlib, io, json, os, pkgutil, sys
+import email.parser  # which importlib.metadata loads when it is first asked for a version
 import sma_bayes
 from sma_bayes import cli
 
