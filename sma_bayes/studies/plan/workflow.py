@@ -451,11 +451,7 @@ def remarks_on_discrepancies(draws: Iterable[RecordDraws]) -> list[str]:
 
 def remarks_on_scatter(draws: Iterable[RecordDraws]) -> list[str]:
     """How far a plan can be off for records whose sweeps differ: few sweeps tell roughly by how much."""
-    apart = dict.fromkeys(
-        d.key
-        for d in draws
-        if any(b.sweep_functions is not None for b in d.posterior.discrepancy[0].values())
-    )
+    apart = dict.fromkeys(d.key for d in draws if d.posterior.layout[0].between)
     if not apart:
         return []
     return [
