@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 import numpy as np
-import pint
 import pytest
 from hypothesis import given, strategies as st
 
 from sma_bayes.errors import QuantityError
 from sma_bayes.quantities import (
-    _FACTORS,
     ARBITRARY,
     CHANNELS,
     QUANTITIES,
@@ -93,17 +91,6 @@ def test_conversion_keeps_shape_and_missing_values_and_gives_a_new_array() -> No
         assert np.isnan(result[0, 1])
         result[0, 0] = -1.0
         assert values[0, 0] == 1.0
-
-
-def test_units_of_most_files_are_converted_as_pint_does_to_the_bit() -> None:
-    rng = np.random.default_rng(0)
-    values = rng.normal(size=1000) * 10.0 ** rng.uniform(-6.0, 6.0, 1000)
-    registry = pint.UnitRegistry()
-    for unit, to in _FACTORS:
-        found = convert(values, unit, to)
-        np.testing.assert_array_equal(found, registry.Quantity(values, unit).to(to).magnitude)
-        with pytest.raises(QuantityError, match="wrong kind"):
-            convert(values, unit, "degC")
 
 
 def test_integers_become_floats() -> None:

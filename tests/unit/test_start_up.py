@@ -57,8 +57,8 @@ def test_what_is_left_at_the_end_is_not_looked_through() -> None:
 @pytest.mark.parametrize(
     ("figures", "without"),
     [  # arviz-stats, which diagnoses the draws, brings pandas and xarray with it
-        ("none", ("arviz", "corner", "distributed", "joblib", "matplotlib", "pint")),
-        ("report", ("arviz", "corner", "distributed", "joblib", "pint")),
+        ("none", ("arviz", "corner", "distributed", "joblib", "matplotlib")),
+        ("report", ("arviz", "corner", "distributed", "joblib")),
     ],
 )
 def test_a_fit_imports_only_what_it_uses(
