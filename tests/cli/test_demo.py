@@ -38,6 +38,18 @@ def test_its_fits_are_adequate_and_in_declared_units(demo: tuple[Path, str]) -> 
     assert content.command == "sma-bayes demo --out NEW --seed 0 --noise auto"
 
 
+def test_no_curve_is_drawn_twice(demo: tuple[Path, str]) -> None:
+    """The loops of three conditions show force and displacement; only the first explains its marks."""
+    stems = {p.stem for p in (demo[0] / "figures").iterdir()}
+    loops = {f"loop-{load}" for load in ("100g", "150g", "200g")}
+    assert stems == loops | {"overview-stiffness", "parameters", "truth"}
+    page = (demo[0] / "report.html").read_text(encoding="utf-8")
+    assert page.count("Dotted lines: 90 % predictive interval of a new measurement") == 1
+    assert page.count("Lines, bands and bars as for 100g.") == 2
+    assert "average r of" not in page
+    assert "tables/correlation_average.csv" in page
+
+
 def test_its_measurements_can_be_fitted_by_anybody(demo: tuple[Path, str]) -> None:
     summary = json.loads((demo[0] / "summary.json").read_text(encoding="utf-8"))
     assert read_campaign(demo[0] / "measurements").sha256 == summary["data_sha256"]

@@ -109,8 +109,8 @@ def _of_self_check(folder: Path, summary: RecordSummary) -> Drawings:
         yield partial(self_check_figure, folder, summary, summary.self_check)
 
 
-def _of_condition(folder: Path, condition: str, records: Sequence[RecordContent]) -> Drawings:
-    yield partial(loop_figure, condition, [branch_data(folder, r) for r in records])
+def _of_condition(folder: Path, condition: str, records: Sequence[RecordContent], like: str) -> Drawings:
+    yield partial(loop_figure, condition, [branch_data(folder, r) for r in records], like)
 
 
 def _of_campaign(folder: Path, content: Content, diagnostics: bool) -> Drawings:
@@ -120,7 +120,7 @@ def _of_campaign(folder: Path, content: Content, diagnostics: bool) -> Drawings:
         yield partial(diagnostics_of_many if many else diagnostics_figure, content)
         yield partial(correlation_of_many if many else correlation_figure, content)
     several = many or diagnostics or len(content.conditions) > 1
-    if content.averages and several:
+    if content.averages and several and (many or diagnostics or content.printed):
         yield partial(average_figure, content)
     if content.printed:
         yield partial(printed_figure, content)
@@ -134,9 +134,14 @@ def _of_campaign(folder: Path, content: Content, diagnostics: bool) -> Drawings:
             continue
         of_part = {condition: branches[condition] for condition in part.conditions}
         for channel in part.channels:
-            if not several and channel.channel != "stiffness":
-                continue  # the loop of the only condition shows it
+            if channel.channel != "stiffness" and _by_themselves(content) and not diagnostics:
+                continue  # the loops of the conditions show it
             yield partial(overview_figure, channel.channel, of_part, number)
+
+
+def _by_themselves(content: Content) -> bool:
+    """Whether the report shows the loop of each condition."""
+    return not content.paged and len(content.conditions) <= FEW
 
 
 def _branches(folder: Path, content: Content) -> dict[str, list[BranchData]]:
@@ -149,9 +154,20 @@ def _tasks(stored: StoredRun, content: Content, drawn: Drawn) -> list[FigureTask
     folder, summaries = stored.folder, {r.key: r for r in stored.summary.records}
     everything = drawn == "all"
     tasks = [FigureTask(partial(_of_campaign, folder, content, everything), "the campaign")]
-    if everything or (not content.paged and len(content.conditions) <= FEW):
+    if everything or _by_themselves(content):
+        first = content.conditions[0]
         tasks += [
-            FigureTask(partial(_of_condition, folder, c, content.branches(c)), c) for c in content.conditions
+            FigureTask(
+                partial(
+                    _of_condition,
+                    folder,
+                    c,
+                    content.branches(c),
+                    "" if content.paged or c == first else first,
+                ),
+                c,
+            )
+            for c in content.conditions
         ]
     missed = [r for r in content.records if r.document.discrepancy]
     if not everything:

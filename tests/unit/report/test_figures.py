@@ -167,6 +167,11 @@ def test_the_loop_marks_transformation_temperatures(content: Content, branch_of:
     assert set(told) == {"As", "Af", "Mf", "Ms"}
     assert {n.strip("()"): x for n, x in labels.items() if n.strip("()") in told} == told
     assert {"(As)", "(Af)", "Ms", "Mf"} <= set(labels)
+    marked = next(ax for ax in figure.figure.axes if "As" in {t.get_text().strip("()") for t in ax.texts})
+    low, high = marked.get_ylim()
+    medians = np.concatenate([line.get_ydata() for line in marked.lines if len(line.get_xdata()) == 161])
+    assert medians.min() > low + 0.1 * (high - low)  # the names stand between the curves and the edge
+    assert medians.max() < high - 0.1 * (high - low)
     data = dict(
         zip(
             figure.data["what"],

@@ -44,12 +44,22 @@ STEEP: Final = 300.0
 """Ratio of greatest to least value from which a positive curve is drawn on a logarithmic axis, and said so."""
 DECADES: Final = 1e9
 """Ratio of greatest to least value that a logarithmic axis shows at most."""
+MARKED: Final = 0.09
+"""Share of the axis that is added beyond the curves where names of temperatures stand."""
 CROWDED: Final = 0.12
 """Share of the axis below which the names of two temperatures stand apart from each other."""
 
 
-def loop_figure(condition: str, branches: Sequence[BranchData]) -> Drawing:
-    """Heating and cooling of a condition, a panel for each channel."""
+def loop_figure(condition: str, branches: Sequence[BranchData], like: str = "") -> Drawing:
+    """Heating and cooling of a condition, a panel for each channel.
+
+    Parameters
+    ----------
+    condition : str
+    branches : sequence of BranchData
+    like : str
+        Condition whose loop stands before it on the page, with a caption that explains both.
+    """
     channels = channels_of(branches)
     width = 3.15 * max(len(channels), 1.8)
     figure = empty_sheet(width, 4.9)
@@ -79,30 +89,36 @@ def loop_figure(condition: str, branches: Sequence[BranchData]) -> Drawing:
     )
     names = ", ".join(c.name for c in channels)
     what = " and ".join(b.content.branch for b in branches)
+    explained = f"Lines, bands and bars as for {like}." if like else _loop_caption(branches, channels)
     return Drawing(
         stem=f"loop-{condition}",
-        caption=(
-            f"{condition}: {names} against temperature, {what}. Points: measurements. Line: posterior median of the "
-            "curve. Inner and outer band: pointwise equal-tailed 50 % and 90 % credible intervals of the curve. "
-            "Dotted lines: 90 % predictive interval of a new measurement. Below: the same with the median taken off."
-            + (f" {channels[-1].name.capitalize()} is derived from the others." if _derived(channels) else "")
-            + (
-                " Bars at the edge: median and 90 % credible interval of the transformation temperatures by the "
-                "tangent rule, in brackets where extrapolated."
-                if any(b.content.document.transformation for b in branches if b.content.converged)
-                else ""
-            )
-            + (
-                " Bands carry the uncertainty of the calibration, which moves a curve as a whole."
-                if any(b.content.calibration for b in branches)
-                else ""
-            )
-            + (f" {note}." if note else "")
-        ),
+        caption=f"{condition}: {names} against temperature, {what}. {explained}"
+        + (f" {note}." if note else ""),
         alt=f"{names} against temperature for condition {condition}, {what}, with credible bands",
         figure=figure,
         data=loop_data(branches),
         traces=traces_of({condition: branches}, channels),
+    )
+
+
+def _loop_caption(branches: Sequence[BranchData], channels: Sequence[Channel]) -> str:
+    """What the marks of a loop are."""
+    return (
+        "Points: measurements. Line: posterior median of the curve. Inner and outer band: pointwise equal-tailed 50 % "
+        "and 90 % credible intervals of the curve. Dotted lines: 90 % predictive interval of a new measurement. Below: "
+        "the same with the median taken off."
+        + (f" {channels[-1].name.capitalize()} is derived from the others." if _derived(channels) else "")
+        + (
+            " Bars at the edge: median and 90 % credible interval of the transformation temperatures by the tangent "
+            "rule, in brackets where extrapolated."
+            if any(b.content.document.transformation for b in branches if b.content.converged)
+            else ""
+        )
+        + (
+            " Bands carry the uncertainty of the calibration, which moves a curve as a whole."
+            if any(b.content.calibration for b in branches)
+            else ""
+        )
     )
 
 
@@ -213,6 +229,10 @@ def _transformation(ax: Axes, branch: BranchData, channel: str) -> None:
         for stage, t in branch.content.document.transformation.items()
         if t.channel == channel and t.median is not None and low <= t.median <= high
     ]
+    if shown and ax.get_yscale() == "linear":  # room for the names, which would stand on the plateau
+        bottom, top = ax.get_ylim()
+        room = MARKED * (top - bottom)
+        ax.set_ylim(*((bottom - room, top) if branch.content.branch == "heating" else (bottom, top + room)))
     medians = [t.median for _, t in shown if t.median is not None]
     crowded = len(medians) > 1 and max(medians) - min(medians) < CROWDED * (high - low)
     for stage, t in shown:
