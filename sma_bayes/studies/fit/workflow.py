@@ -21,6 +21,7 @@ from sma_bayes.fitting.fit_records import AUTO
 from sma_bayes.limits import DEGREES
 from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.progress import Progress, announce, lines_inside, silent
+from sma_bayes.records.campaign import read_campaign
 from sma_bayes.records.declaration import CAMPAIGN_FILE
 from sma_bayes.records.plausibility import doubted_conditions
 from sma_bayes.records.types import Campaign, Record
@@ -65,7 +66,7 @@ LOG: Final = logging.getLogger("sma_bayes")
 
 
 def fit(
-    data: Campaign | Measurements,
+    data: str | Path | Campaign | Measurements,
     *,
     seed: int = 0,
     noise: str = AUTO,
@@ -79,13 +80,13 @@ def fit(
     self_check: bool | int = False,
     progress: bool | Progress = False,
 ) -> Fits:
-    """Fit every record of a campaign, a data frame or arrays, in memory.
+    """Fit every record of a file, a campaign, a data frame or arrays, in memory.
 
     Parameters
     ----------
-    data : Campaign, frame, or mapping of str to frame
-        As `read_campaign` gives it; or a data frame or a mapping of column names to arrays, or several by the ids of
-        their conditions, see `campaign_of`.
+    data : str, Path, Campaign, frame, or mapping of str to frame
+        A data file, or a folder or campaign file, see `read_campaign`, or what that gives; or a data frame or a mapping
+        of column names to arrays, or several by the ids of their conditions, see `campaign_of`.
     seed : int
         Seed of all random draws.
     noise : str
@@ -115,17 +116,7 @@ def fit(
     Fits
         A dictionary of `RecordFit` by the key of the record, ``<condition>-<branch>``. Pooled records share draws.
     """
-    if isinstance(data, Campaign):
-        if columns is not None or conditions is not None:
-            raise SmaBayesError(
-                "columns or conditions beside a campaign",
-                expected="them with data in memory only; a campaign has its own",
-            )
-        campaign = data
-    else:
-        from sma_bayes.records.memory import campaign_of
-
-        campaign = campaign_of(data, columns=columns, conditions=conditions)
+    campaign = _campaign(data, columns, conditions)
     options = FitOptions(prior_set(priors, model), seed, noise, pool, plan=plan_with(sampler), model=model)
     groups = groups_of(campaign, pool)
     replicates = replicates_asked(self_check)
@@ -150,6 +141,24 @@ def fit(
     return Fits({
         key: replace(f, self_check=one) for (key, f), one in zip(found_fits.items(), ranks, strict=True)
     })  # fmt: skip
+
+
+def _campaign(
+    data: str | Path | Campaign | Measurements,
+    columns: Mapping[str, Mapping[str, Any]] | None,
+    conditions: Mapping[str, Mapping[str, float]] | None,
+) -> Campaign:
+    """The campaign that was given, read from files, or made of what is in memory; see `fit`."""
+    if not isinstance(data, str | Path | Campaign):
+        from sma_bayes.records.memory import campaign_of
+
+        return campaign_of(data, columns=columns, conditions=conditions)
+    if columns is not None or conditions is not None:
+        raise SmaBayesError(
+            "columns or conditions beside a campaign",
+            expected="them with data in memory only; a campaign has its own",
+        )
+    return data if isinstance(data, Campaign) else read_campaign(data)
 
 
 def fit_campaign(

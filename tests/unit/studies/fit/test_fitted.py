@@ -34,6 +34,19 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return out
 
 
+def test_a_file_is_read_and_fitted(fits: sma_bayes.Fits, tmp_path: Path) -> None:
+    path = tmp_path / "data.csv"
+    rows = zip(*DATA.values(), strict=True)
+    path.write_text("\n".join([",".join(DATA), *(",".join(map(repr, map(float, r))) for r in rows)]))
+    for place in (path, str(path)):
+        found = sma_bayes.fit(place, noise="independent", jobs=1)
+        assert found["data-heating"].summary().equals(fits["data-heating"].summary())
+    with pytest.raises(SmaBayesError, match="columns or conditions beside a campaign"):
+        sma_bayes.fit(path, columns={"force": {"name": "force_N", "unit": "N"}})
+    with pytest.raises(SmaBayesError, match=r"nothing\.csv"):
+        sma_bayes.fit("nothing.csv")
+
+
 def test_the_table_of_parameters_is_that_of_the_files(fits: sma_bayes.Fits, folder: Path) -> None:
     stored = json.loads((folder / "summary.json").read_text(encoding="utf-8"))
     for entry in stored["records"]:
