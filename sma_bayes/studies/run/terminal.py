@@ -22,13 +22,15 @@ def study_text(found: Mapping[str, Any]) -> str:
 
 
 def _places(document: StudyDocument) -> str:
-    """What a reader opens: the pages of the steps, and the answers to questions."""
-    done = [Path(r.summary) for r in document.steps if r.summary]
-    pages = [(p.parent / "report.html").as_posix() for p in done if p.parent.name != "ask"]
-    answers = [p.as_posix() for p in done if p.parent.name == "ask"]
-    return "".join(
-        f"; {what}: {', '.join(files)}" for what, files in (("pages", pages), ("answers", answers)) if files
-    )
+    """What a reader opens: the pages of the steps, and the files of those that have none."""
+    places: dict[str, list[str]] = {"pages": [], "answers": []}
+    for summary in (Path(r.summary) for r in document.steps if r.summary):
+        page = summary.parent / "report.html"
+        if (Path(document.out) / page).is_file():
+            places["pages"].append(page.as_posix())
+        else:
+            places["answers"].append(summary.as_posix())
+    return "".join(f"; {what}: {', '.join(files)}" for what, files in places.items() if files)
 
 
 def failures(found: Mapping[str, Any]) -> list[str]:
