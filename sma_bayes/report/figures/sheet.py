@@ -218,6 +218,11 @@ def save_picture(draw: Callable[[], Drawing], folder: Path) -> FigureFiles:
     return FigureFiles(drawing.stem, drawing.caption, drawing.alt)
 
 
+def ordered_colours(count: int) -> Floats:
+    """Colours of what has an order (count, 4), from violet to green; none is lost on a light or a dark page."""
+    return np.asarray(mpl.colormaps["viridis"](np.linspace(0.0, 0.75, count)))
+
+
 def empty_sheet(width: float, height: float) -> Figure:
     """Empty figure [inch] with a canvas of its own."""
     figure = Figure(figsize=(width, height))

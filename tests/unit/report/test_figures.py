@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import csv
 import os
+import re
 import subprocess
 import sys
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
+from importlib import resources
 from pathlib import Path
 
 import matplotlib as mpl
@@ -23,6 +25,7 @@ from sma_bayes.report.figures.sheet import (
     Drawing,
     abridged,
     in_units_of,
+    ordered_colours,
     power_of,
     save,
     take_power,
@@ -331,3 +334,29 @@ def test_powers_of_ten_go_into_the_unit() -> None:
 def test_long_names_lose_their_middle() -> None:
     assert abridged("short") == "short"
     assert abridged("a" * 30 + "b" * 30, 21) == "a" * 10 + "…" + "b" * 10
+
+
+def luminance(colour: np.ndarray) -> float:
+    """Relative luminance, as WCAG has it."""
+    linear = np.where(colour <= 0.04045, colour / 12.92, ((colour + 0.055) / 1.055) ** 2.4)
+    return float(linear @ (0.2126, 0.7152, 0.0722))
+
+
+def test_no_colour_of_an_order_is_lost_on_a_light_or_a_dark_page() -> None:
+    """The last curves of a training were dark on a dark page."""
+    style = resources.files("sma_bayes.report").joinpath("templates/report.css").read_text(encoding="utf-8")
+    found = re.search(r"invert\(([\d.]+)\) hue-rotate\(180deg\) brightness\(([\d.]+)\)", style)
+    assert found is not None
+    share, brighter = map(float, found.groups())
+    grey = np.tile((0.213, 0.715, 0.072), (3, 1))
+
+    def on_a_dark_page(colour: np.ndarray) -> np.ndarray:
+        turned = (2.0 * grey - np.eye(3)) @ (
+            share - (2.0 * share - 1.0) * colour
+        )  # by 180 degrees, as CSS does
+        return np.clip(np.clip(turned, 0.0, 1.0) * brighter, 0.0, 1.0)
+
+    white, dark = 1.0, luminance(on_a_dark_page(np.ones(3)))
+    for colour in ordered_colours(9)[:, :3]:
+        assert (white + 0.05) / (luminance(colour) + 0.05) > 2.0
+        assert (luminance(on_a_dark_page(colour)) + 0.05) / (dark + 0.05) > 4.0

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from typing import Any, Final
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.ticker import MaxNLocator
 
@@ -21,6 +20,7 @@ from sma_bayes.report.figures.sheet import (
     heading,
     in_units_of,
     numbered,
+    ordered_colours,
     panels,
     take_power,
 )
@@ -54,7 +54,7 @@ def curves_figure(stored: StoredCycles, number: int) -> Drawing:
     names = ("cycle", f"temperature_{unit}", "q05", "q50", "q95")
     rows: list[tuple[Any, ...]] = []
     last = one.measured[-1]
-    colours = colormaps["viridis"](np.linspace(0.0, 0.85, max(last - one.cycles[0] + 1, 2)))
+    colours = ordered_colours(max(last - one.cycles[0] + 1, 2))
     for curve in one.curves:
         ax = axes[channels.index(curve.channel)][branches.index(curve.branch)]
         file = f"curves/{one.condition}-{curve.branch}-{curve.channel}.csv"

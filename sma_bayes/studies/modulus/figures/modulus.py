@@ -5,7 +5,6 @@ from __future__ import annotations
 from typing import Any, Final
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.ticker import FuncFormatter, NullFormatter
 
@@ -20,6 +19,7 @@ from sma_bayes.report.figures.sheet import (
     empty_sheet,
     heading,
     numbered,
+    ordered_colours,
     panels,
 )
 from sma_bayes.report.notation import unit_label
@@ -55,9 +55,7 @@ def moduli_figure(stored: StoredModulus, number: int) -> Drawing:
         figure, len(channels), len(branches), left=0.7, bottom=0.5, top=0.75 + legend, gap_x=0.75,
         gap_y=0.5,
     )  # fmt: skip
-    colours = dict(
-        zip(frequencies, colormaps["viridis"](np.linspace(0.0, 0.8, len(frequencies))), strict=True)
-    )
+    colours = dict(zip(frequencies, ordered_colours(len(frequencies)), strict=True))
     unit = modulus_unit(found)
     per = float(convert(1.0, "Pa", unit))
     degrees = degrees_of(found)

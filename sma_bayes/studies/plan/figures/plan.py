@@ -5,8 +5,6 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Final
 
-import numpy as np
-from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.colors import to_hex
 from matplotlib.lines import Line2D
@@ -22,6 +20,7 @@ from sma_bayes.report.figures.sheet import (
     heading,
     label_width,
     name_rows,
+    ordered_colours,
     panels,
     take_power,
 )
@@ -43,7 +42,7 @@ def candidates_figure(stored: StoredPlan) -> Drawing:
     figure = empty_sheet(6.8, 3.9)
     ax: Axes = panels(figure, 1, 1, left=0.75, bottom=0.5, top=0.42)[0, 0]
     conditions = list(dict.fromkeys(c.condition for c in found.candidates))
-    palette = [to_hex(colormaps["viridis"](x)) for x in np.linspace(0.0, 0.9, COLOURS)]
+    palette = [to_hex(colour) for colour in ordered_colours(COLOURS)]
     step = max((COLOURS - 1) // max(min(len(conditions), COLOURS) - 1, 1), 1)
     colour = {c: palette[i * step % COLOURS] for i, c in enumerate(conditions)}
     for c in found.candidates:

@@ -6,7 +6,6 @@ import math
 from typing import Any, Final
 
 import numpy as np
-from matplotlib import colormaps
 from matplotlib.axes import Axes
 from matplotlib.lines import Line2D
 
@@ -22,6 +21,7 @@ from sma_bayes.report.figures.sheet import (
     heading,
     label_width,
     name_rows,
+    ordered_colours,
     panels,
     take_power,
 )
@@ -106,7 +106,7 @@ def _powers(ax: Axes, quantities: tuple[QuantitySensitivity, ...], threshold: fl
 
 def _sweeps(ax: Axes, quantities: tuple[QuantitySensitivity, ...], count: int) -> None:
     name_rows(ax, [q.name for q in quantities], labelled=False)
-    colours = colormaps["viridis"](np.linspace(0.0, 0.9, count))
+    colours = ordered_colours(count)
     ax.axvline(0.0, color=INK, lw=0.6)
     reach = 1.0
     for place, q in enumerate(quantities):
