@@ -435,3 +435,16 @@ def test_rows_of_a_group_are_printed_under_its_name(tmp_path: Path) -> None:
     pages = [{name.partition(b"-")[0] for name in names} for names in linked_pages(out)]
     assert len(pages) > 2
     assert sum(map(len, pages)) == 30, "each group is on one page"
+
+
+def test_what_is_long_and_a_file_of_its_own_is_not_printed(tmp_path: Path) -> None:
+    template = page_environment("sma_bayes.studies.cycles").from_string(
+        "<!DOCTYPE html><style>{{ style }}</style>"
+        '<details><summary>some</summary><a href="https://example.org/printed">1</a></details>'
+        '<details class="aside"><summary>more</summary><a href="https://example.org/aside">1</a></details>'
+        '<details><summary>file</summary><pre><a href="https://example.org/file">1</a></pre></details>'
+    )
+    page, out = tmp_path / "page.html", tmp_path / "page.pdf"
+    page.write_text(template.render(), encoding="utf-8")
+    browser(f"--print-to-pdf={out}", page.as_uri())
+    assert linked_pages(out) == [{b"printed"}]
