@@ -134,8 +134,9 @@ def _of_campaign(folder: Path, content: Content, diagnostics: bool) -> Drawings:
             continue
         of_part = {condition: branches[condition] for condition in part.conditions}
         for channel in part.channels:
-            if channel.channel != "stiffness" and _by_themselves(content) and not diagnostics:
-                continue  # the loops of the conditions show it
+            loops_tell = channel.channel != "stiffness" or not several
+            if loops_tell and _by_themselves(content) and not diagnostics:
+                continue  # side by side, stiffness alone says more than the loops of the conditions
             yield partial(overview_figure, channel.channel, of_part, number)
 
 

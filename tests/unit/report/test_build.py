@@ -68,7 +68,6 @@ def test_unasked_only_the_figures_of_the_report_are_drawn(run_copy: Path, conten
     stems = {p.stem for p in (run_copy / "figures").iterdir()}
     assert stems == {
         "loop-100g-10mHz",
-        "overview-stiffness",
         "printed",
         *(f"discrepancy-{r.key}" for r in content.records if r.document.discrepancy),
     }
