@@ -20,6 +20,7 @@ import pandas as pd
 import sma_bayes
 
 campaign = sma_bayes.read_campaign("bench")
+plain = sma_bayes.fit("file.csv")
 fits = sma_bayes.fit(campaign, seed=0, noise="ar1", pool="campaign", jobs=2)
 frame = pd.DataFrame({"temperature_C": [1.0], "force_N": [1.0]})
 other = sma_bayes.fit(frame, columns={"force": {"name": "F", "unit": "N"}}, progress=True)
@@ -38,8 +39,8 @@ same: bool = sma_bayes.diff("a", "b", tolerance=0.5)["same"]
 """
 NONSENSE = {
     "an argument that is not there": "sma_bayes.fit(campaign, wrong=1)",
-    "data of a wrong kind": 'sma_bayes.fit("nonsense")',
-    "both": 'sma_bayes.fit("nonsense", wrong=1)',
+    "data of a wrong kind": "sma_bayes.fit(3.0)",
+    "both": "sma_bayes.fit(3.0, wrong=1)",
     "a way to pool that is none": 'sma_bayes.fit(campaign, pool="all")',
     "a seed that is a text": 'sma_bayes.fit(campaign, seed="0")',
     "a name that is not there": "sma_bayes.fits(campaign)",
