@@ -164,6 +164,7 @@ def next_steps(content: Content) -> tuple[str, ...]:
 def _next_steps(content: Content) -> Iterator[str]:
     if content.unconverged:
         yield f"Don't use {_names(content.unconverged)}: not converged. Section 3.1 says which parameter"
+    yield from _differing_sweeps(content)  # which alone may make a fit inadequate
     options = content.document.options
     for group in reason_groups(r.document for r in content.inadequate):
         yield f"{group.names}: {group.quoted}; {remedy(group.kind, options.model, options.noise)}"
@@ -190,7 +191,6 @@ def _next_steps(content: Content) -> Iterator[str]:
         if finding.severity == "serious":
             where = f" ({', '.join(finding.conditions[:3])})" if finding.conditions else ""
             yield f"Check the measurements{where}: {finding.message}"
-    yield from _differing_sweeps(content)
     told = [r for r in content.converged if r.document.path.kind not in TRIVIAL and not r.stiffness_withheld]
     some = next((r for r in told if r.channel("stiffness") is not None), None)
     if some is not None:

@@ -26,7 +26,7 @@ class ReasonGroup:
 
     @property
     def quoted(self) -> str:
-        """The reason of one record, by name where there are several."""
+        """The reason of one record, by name where that of another differs."""
         if self.kind == "curve":
             worst = max(
                 self.records, key=lambda r: max((d.share for d in r.discrepancy.values()), default=0.0)
@@ -35,7 +35,8 @@ class ReasonGroup:
         else:
             worst = self.records[0]
             which = f"for one, {worst.key}: "
-        return (which if len(self.records) > 1 else "") + worst.why[0].message
+        alike = len({r.why[0].message for r in self.records}) == 1
+        return ("" if alike else which) + worst.why[0].message
 
 
 def reason_groups(records: Iterable[RecordSummary]) -> tuple[ReasonGroup, ...]:

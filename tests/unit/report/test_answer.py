@@ -127,6 +127,12 @@ def test_sweeps_that_differ_are_told_where_they_differ_most_and_followed_by_cycl
     assert step.startswith(f"{first}, {second}: ")
     assert f"by 0.81 mm rms in {second}" in step
     assert not [s for s in next_steps(with_sweeps(None, None, *rest)) if "sma-bayes cycles" in s]
+    differ = with_sweeps(0.3, 0.812, *rest)
+    reason = Reason(kind="check", channel="force", message="neighbouring residuals are alike")
+    bad = replace(
+        differ, records=tuple(replace(told(r, why=(reason,)), adequate=False) for r in differ.records)
+    )
+    assert next_steps(bad)[0] == step  # what may make a fit inadequate stands before what else may
 
 
 def test_without_a_stiffness_the_channel_is_asked_for(content: Content) -> None:

@@ -93,6 +93,10 @@ def test_a_reason_of_several_records_names_the_one_it_is_quoted_from() -> None:
     records = [record(f"{i}-heating", ("noise", f"reason {i}")) for i in range(2)]
     (sentence,) = adequacy_sentences(records, PLAIN)
     assert "0-heating, 1-heating: for one, 0-heating: reason 0;" in sentence
+    (sentence,) = adequacy_sentences(
+        [record(f"{i}-heating", ("noise", "one reason")) for i in range(2)], PLAIN
+    )
+    assert "0-heating, 1-heating: one reason;" in sentence
 
 
 def test_kinds_are_told_apart() -> None:
