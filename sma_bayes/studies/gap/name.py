@@ -142,6 +142,8 @@ class EvidenceBeside:
         Log Bayes factor of the best term on top of it, the shape of the curve included; 0 where none pays for itself.
     shape_apart : bool
         Whether the share is that beside a curve that is free to have any shape, the same in every cycle and condition.
+        That takes an effect of which a share of `BEYOND` lies beyond any shape: where it only bends the curve, little
+        is left there to be shared.
     beyond_shape : float
         Log Bayes factor of the effect where the curve is free to have any shape, with the effect as without.
     carried_beyond : float
@@ -171,9 +173,15 @@ class EvidenceBeside:
         own, rest = with_it.free - without.free, worth_of(with_it.beyond)
         over, share = own + rest - worth_of(without.beyond), share_of(own, rest)
         over_plain, share_plain = gained + on_top - worth_of(without.best), share_of(gained, on_top)
-        if with_it.shape >= MISSHAPEN and max(over, over_plain) >= WORTH and share > share_plain:
+        misshapen = with_it.shape >= MISSHAPEN and is_beyond_shape(own, gained)
+        if misshapen and max(over, over_plain) >= WORTH and share > share_plain:
             return EvidenceBeside(max(over, over_plain), share, with_it.beyond, on_top, True, own, share)
         return EvidenceBeside(over_plain, share_plain, with_it.best, on_top, False, own, share)
+
+
+def is_beyond_shape(beyond: float, explained: float) -> bool:
+    """Whether enough of what effects explain lies beyond any shape of the curve for shares to be counted there."""
+    return beyond >= max(WORTH, BEYOND * explained)
 
 
 def share_of(explained: float, rest: float) -> float:
@@ -285,8 +293,11 @@ class Candidate:
     @property
     def beyond_shape(self) -> bool:
         """Whether it explains what no curve does that is the same in every sweep and condition, and most of that."""
-        found, least = self.beside, max(WORTH, BEYOND * self.ln_bayes_factor)
-        return found is None or (found.beyond_shape >= least and found.carried_beyond >= CARRIED_BESIDE)
+        found = self.beside
+        return found is None or (
+            is_beyond_shape(found.beyond_shape, self.ln_bayes_factor)
+            and found.carried_beyond >= CARRIED_BESIDE
+        )
 
     @property
     def beats_shape(self) -> bool:

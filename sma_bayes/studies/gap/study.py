@@ -31,6 +31,7 @@ from sma_bayes.studies.gap.name import (
     Candidate,
     Rivals,
     candidates,
+    is_beyond_shape,
     judged,
     screen,
     screen_all,
@@ -121,7 +122,8 @@ class GapStudy:
         Log Bayes factor of all effects over the baseline, with the noise of the final model.
     carried : float
         Share that the effects carry of what they and the best flexible term on top of them explain; beside a curve that
-        is free to have any shape, the same in every cycle and condition, where that share is greater.
+        is free to have any shape, the same in every cycle and condition, where that share is greater and `BEYOND` of
+        what they explain lies there.
     """
 
     verdict: Verdict
@@ -607,9 +609,10 @@ def _carried(
         return share_of(explained, 0.0)
     before, after = offer(bare), offer(final, left.gains)
     plain = share_of(explained, worth_of(after.best))
-    if after.shape < MISSHAPEN:
+    own = after.free - before.free
+    if after.shape < MISSHAPEN or not is_beyond_shape(own, explained):
         return plain
-    return max(plain, share_of(after.free - before.free, worth_of(after.beyond)))
+    return max(plain, share_of(own, worth_of(after.beyond)))
 
 
 def _covariates(fitted: FittedHypothesis) -> list[str]:

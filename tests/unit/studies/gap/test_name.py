@@ -179,6 +179,8 @@ def offered(
         (-3.0, (2.0, 0.0, None, -3.0), (-2.0,), -1.0, 0.0, False),
         # 500 are left to the shape of the curve with the effect as without, and hardly anything beside it
         (300.0, (520.0, 500.0, 10.0, 800.0), (700.0, 500.0, 200.0, 500.0), 120.0, 300.0 / 310.0, True),
+        # a bend of which all but 10 lies in the shape: that nothing is left beside a free one does not speak for it
+        (440.0, (200.0, 400.0, -1.0, 510.0), (590.0, 640.0, -1.0, 500.0), 50.0, 440.0 / 640.0, False),
         # an effect that is about the shape is worth nothing beside a free one
         (300.0, (20.0, 10.0, 5.0, 301.0), (310.0, 310.0, 5.0, 300.0), 10.0, 300.0 / 320.0, False),
     ],
