@@ -110,6 +110,12 @@ def test_two_stages_under_noise_that_remembers_are_no_effect(seed: int) -> None:
     assert row.verdict == "unnamed"
 
 
+def test_a_bent_curve_is_no_two_effects() -> None:
+    """A skew of 100 sigma was itself and the 7 % that its form left: a compliance."""
+    (row,) = tried([Trial("hidden", "asymmetric_kinetics", 100.0, "white", "standard", 0)])
+    assert row.outcome == "shape"
+
+
 def test_what_no_effect_can_be_has_no_name() -> None:
     """A compliance far beyond its range: a `bias_spring` of five times the measured force was named for it."""
     (row,) = tried([Trial("hidden", "fixture_compliance", 100.0, "white", "standard", 0, "second")])

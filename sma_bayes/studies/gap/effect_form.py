@@ -8,6 +8,7 @@ without them is something else, however little that is beside the effect before 
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -15,6 +16,7 @@ import numpy as np
 from scipy.linalg import cho_factor, cho_solve
 
 from sma_bayes.arrays import Floats
+from sma_bayes.effects.types import Effect
 from sma_bayes.studies.gap.fitting import FittedHypothesis, added_by
 from sma_bayes.studies.gap.splines import bspline_basis, grouped, indicators, row_tensor_product
 
@@ -26,14 +28,17 @@ LATER = 3.0
 
 @dataclass(frozen=True, eq=False)
 class EffectForms:
-    """Other forms of all effects that a fitted model has.
+    """Other forms of effects that a fitted model has.
 
     Attributes
     ----------
     fitted : FittedHypothesis
+    of : sequence of Effect, optional
+        The effects; all by default.
     """
 
     fitted: FittedHypothesis
+    of: Sequence[Effect] | None = None
 
     @cached_property
     def columns(self) -> Floats:
@@ -41,7 +46,7 @@ class EffectForms:
         fitted = self.fitted
         modulations = _modulations(fitted)
         found = [np.empty((fitted.whitened.size, 0))]
-        for effect in fitted.hypothesis.effects:
+        for effect in fitted.hypothesis.effects if self.of is None else self.of:
             added = added_by(effect, fitted.hypothesis, fitted.blocks, fitted.theta)
             later = np.concatenate([_rate_of_change(added[b.at]) for b in fitted.blocks])
             found.append(ASTRAY * added[:, None] * modulations)

@@ -20,6 +20,7 @@ from sma_bayes.records.history import History, histories
 from sma_bayes.records.types import Branch, Campaign
 from sma_bayes.response.base import ResponseModel
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
+from sma_bayes.studies.gap.effect_form import EffectForms
 from sma_bayes.studies.gap.fitting import FittedHypothesis, added_by, fit_hypothesis, fit_with_noise
 from sma_bayes.studies.gap.flexible import FlexibleTerms, gains, offer, terms_of, worth_of
 from sma_bayes.studies.gap.hypothesis import Hypothesis, baseline
@@ -36,6 +37,7 @@ from sma_bayes.studies.gap.name import (
     screen,
     screen_all,
     share_of,
+    signature_at_mode,
 )
 from sma_bayes.studies.gap.one_stage import OneStageShapes
 from sma_bayes.studies.gap.scatter import MOSTLY, holds_beside, members_of
@@ -324,9 +326,7 @@ def beside_the_others(
         step = one_round(rest, effects, rng, refitted=FIRST_OF_SEVERAL, steps=False, shuffles=FEW)
         fitted = [c for c in step.candidates if c.fitted is not None]
         better = [
-            c
-            for c in fitted
-            if is_worthy(c) and not members_of(c.effect) and c.ln_bayes_factor >= worth + APART
+            c for c in fitted if _holds(c) and not members_of(c.effect) and c.ln_bayes_factor >= worth + APART
         ]
         own = [c for c in fitted if c.effect.id == effect.id]
         for chosen in (better or own)[:1]:
@@ -461,11 +461,11 @@ def several_rounds(
     """Two effects at once, or three, where no single one deserves to be added; empty where these don't either.
 
     With others still missing, a flexible term that takes part of all can beat each of them. So each is judged anew
-    beside the others, by the same rules; and since there are many such sets, some of which mimic an effect that is not
-    in the catalogue, all together have to be worth more than the best flexible term, by `WORTH`, at least `over`, and
-    at least `least` unless each explains something else than the form of those before it may leave. Sets begin with one
-    of the best laws, of random effects only where there are none, and grow by the best on top of them; three are tried
-    where no two do.
+    beside the others, by the same rules, and may not be what the form of greater ones leaves; and since there are many
+    such sets, some of which mimic an effect that is not in the catalogue, all together have to be worth more than the
+    best flexible term, by `WORTH`, at least `over`, and at least `least` unless each explains something else than the
+    form of those before it may leave. Sets begin with one of the best laws, of random effects only where there are
+    none, and grow by the best on top of them; three are tried where no two do.
 
     Where another shape of the curve would explain all there is, only two laws are tried, each of which explains half of
     that, and together they have to be worth more than every shape that one stage can have and a free one.
@@ -550,9 +550,28 @@ def _each_is_another(chain: Sequence[Step]) -> bool:
 def _hold_together(chain: Sequence[Step]) -> bool:
     """Whether each of several effects would be added to a model that has the others already."""
     last = chain[-1].chosen
-    if last is None or last.fitted is None or not is_worthy(last):
+    if last is None or last.fitted is None or not _holds(last):
         return False
-    return all(is_worthy(_beside_the_others(last.fitted, e)) for e in last.fitted.hypothesis.effects[:-1])
+    return all(_holds(_beside_the_others(last.fitted, e)) for e in last.fitted.hypothesis.effects[:-1])
+
+
+def _holds(candidate: Candidate) -> bool:
+    """Whether an effect beside others is worthy and not what the form of greater ones leaves."""
+    return is_worthy(candidate) and not _is_form(candidate)
+
+
+def _is_form(candidate: Candidate) -> bool:
+    """Whether an effect may be what the form of greater ones beside it leaves: less than `FURTHER` of each of these.
+
+    More than that is left by no effect that would have a name by itself.
+    """
+    whole = candidate.fitted
+    if whole is None or candidate.beyond_form >= OWN_FORM:
+        return False
+    rest = _without(whole, candidate.effect)
+    worth = {e: rest.ln_evidence - _without(rest, e).ln_evidence for e in rest.hypothesis.effects}
+    greater = [e for e, much in worth.items() if candidate.ln_bayes_factor < FURTHER * much]
+    return EffectForms(rest, greater).share_beyond(signature_at_mode(rest, whole)) < OWN_FORM
 
 
 def _beside_the_others(whole: FittedHypothesis, effect: Effect) -> Candidate:

@@ -13,7 +13,7 @@ from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.history import History, histories
 from sma_bayes.records.types import Branch, Campaign, Condition, Record
 from sma_bayes.simulated.rig import DEFAULT_RIG, GRAVITY, Setup, logged, ramp
-from sma_bayes.studies.gap.fitting import fit_with_noise
+from sma_bayes.studies.gap.fitting import fit_hypothesis, fit_with_noise
 from sma_bayes.studies.gap.hypothesis import baseline
 from sma_bayes.studies.gap.name import CARRIED_BESIDE, MISSHAPEN, Candidate, EvidenceBeside
 from sma_bayes.studies.gap.outcome import judgement
@@ -21,12 +21,16 @@ from sma_bayes.studies.gap.study import (
     APART,
     CARRIED,
     FURTHER,
+    OWN_FORM,
     SIGNIFICANT,
     WORTH,
+    _beside_the_others,
+    _is_form,
     _preferred,
     baseline_start,
     beside_the_others,
     heat_balance,
+    is_worthy,
     least_by_channel,
     study_campaign,
     study_from,
@@ -327,6 +331,61 @@ def test_what_can_not_be_told_from_an_effect_is_found_beside_the_others(fitted_w
     assert exchange == []
     again = beside_the_others(both, [step], catalogue, np.random.default_rng(0))
     assert again == ([], [])
+
+
+@pytest.fixture(scope="module")
+def waves(make_line, added):
+    """A model with some effects fitted to a wave, one that grows with temperature, and another, each of a size."""
+    line = make_line(prior_sd=(50.0, 50.0, 50.0), n=40, seed=3)
+    known = {
+        "wave": added("wave", lambda v: np.sin(0.9 * v["order"]), 10.0),
+        "grown": added("grown", lambda v: np.sin(0.9 * v["order"]) * (v["temperature"] - 60.0) / 25.0, 10.0),
+        "other": added("other", lambda v: np.sin(1.7 * v["order"]), 10.0),
+    }
+
+    def fitted(sizes, *names):
+        some = tuple(
+            replace(
+                h,
+                observed={
+                    "displacement": h.observed["displacement"]
+                    + sum(size * known[name].column(h.inputs) for name, size in sizes.items())
+                },
+            )
+            for h in line.hypothesis.histories
+        )
+        hypothesis = replace(line.hypothesis, histories=some).with_effects([known[n] for n in names])
+        return fit_hypothesis(hypothesis, hypothesis.space.prior_centre(), line.noise)
+
+    return known, fitted
+
+
+@pytest.mark.parametrize(
+    ("sizes", "forms"), [({"wave": 4.0, "grown": 1.0}, ["grown"]), ({"wave": 2.0, "grown": 1.5}, [])]
+)
+def test_what_the_form_of_an_effect_leaves_is_less_than_a_fifth_of_it(sizes, forms, waves) -> None:
+    """A wave and the same that grows from below nought: of 16 to 1 and 1.8 to 1 in ln Bayes factor."""
+    known, fitted = waves
+    whole = fitted(sizes, "wave", "grown")
+    found = {name: _beside_the_others(whole, known[name]) for name in sizes}
+    assert all(is_worthy(c) for c in found.values())
+    assert found["grown"].beyond_form < OWN_FORM
+    assert [name for name, c in found.items() if _is_form(c)] == forms
+
+
+@pytest.mark.parametrize(("sizes", "taken"), [({"grown": 1.0}, ()), ({"other": 1.0}, ("other",))])
+def test_no_effect_makes_room_for_what_the_form_of_another_leaves(sizes, taken, waves, added) -> None:
+    """Both explain far more beside the wave than an effect that explains nothing."""
+    known, fitted = waves
+    nothing = fitted({"wave": 4.0, **sizes}, "wave").hypothesis
+    idle = added("idle", lambda v: np.sin(2.5 * v["order"]), 10.0)
+    hypothesis = nothing.with_effects([idle, known["wave"]])
+    current = fit_hypothesis(hypothesis, hypothesis.space.prior_centre(), fitted({}).noise)
+    _, exchange = beside_the_others(current, [], {"idle": idle, **known}, np.random.default_rng(0))
+    assert tuple(s.chosen.effect.id for s in exchange if s.chosen) == taken
+    (name,) = sizes
+    worth = current.ln_evidence - fitted({"wave": 4.0, **sizes}, "wave").ln_evidence
+    assert fitted({"wave": 4.0, **sizes}, "wave", name).ln_evidence > current.ln_evidence - worth + 20.0
 
 
 def test_what_can_not_be_tested_is_said_and_not_tried(rig) -> None:
