@@ -8,7 +8,8 @@ decide; what the present engine has done already is not done again, so counts gr
 Suites:
 
 - ``null``: nothing hidden, or a wrong calibration factor; any name is wrong. Noise with memory up to 0.95, with heavy
-  tails, or growing with the response; curves that are no sigmoids; records of one cycle.
+  tails, or growing with the response; curves that are no sigmoids, as far from these as the usual noise shows, or by
+  as many sigma as are asked for; records of one cycle.
 - ``hidden``: one effect of the catalogue, by the first law, the second, or that of `simcoon`.
 - ``left_out``: one effect that has been taken out of the catalogue; only ``unnamed`` is right.
 - ``outside``: a mechanism that no catalogue has; only ``unnamed`` is right.

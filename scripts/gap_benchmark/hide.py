@@ -208,6 +208,10 @@ class Bench:
         plain = leftover(self.readings(()), self.noise, sd, pooled=self.pooled)
         return size_in_sigma({c: [a - b for a, b in zip(left[c], plain[c], strict=True)] for c in left})
 
+    def bent(self) -> float:
+        """Size of what the shape of the curves leaves by itself, with the usual noise."""
+        return size_in_sigma(leftover(self.readings(()), self.noise, self.sd, pooled=self.pooled))
+
 
 def hide(
     effect: str,
@@ -242,8 +246,8 @@ def hide_several(
     effects : sequence of str
         Names in `MECHANISMS`, or ``none``.
     sigma : float
-        Norm of the whitened residuals of each after the refit; it does not matter for ``none`` and for
-        ``wrong_calibration``, which the refit absorbs.
+        Norm of the whitened residuals of each after the refit. With ``none`` and ``wrong_calibration``, which the refit
+        absorbs, what the shape of the curves leaves is so large; at 0, and of sigmoids, the noise is as usual.
     noise : str
         Name in `NOISES`.
     design : str
@@ -268,7 +272,9 @@ def hide_several(
     """
     bench = _bench(design, noise, seed, pooled, law, curve)
     drawn = [_hidden(e, 1.0, seed, law) for e in effects if e != "none"]
-    factor = _noise_factor(bench, drawn, sigma)
+    neutral = all(h.mechanism.id in NEUTRAL for h in drawn)
+    bent = neutral and curve != "sigmoid" and sigma > 0.0
+    factor = bench.bent() / sigma if bent else _noise_factor(bench, drawn, sigma)
     return _case(bench, [_scaled(bench, h, sigma, factor) for h in drawn], factor)
 
 

@@ -90,7 +90,7 @@ class Row(Trial):
         Digest of the modules by which it was studied.
     sigma_reached : float
         Size of the hidden effects once the model has absorbed what it can; below what was asked for where the
-        mechanism saturates.
+        mechanism saturates. What the shape of the curves leaves apart.
     true_size, q05, q95 : float
         Size of the (first) hidden effect, and its 90 % interval where it was named.
     gap_before, gap_after, gap_floor : float
@@ -170,7 +170,7 @@ def trials(
     first : int
         The first seed.
     sigmas : sequence of float
-        Sizes; those of `SIGMAS` by default.
+        Sizes; those of `SIGMAS` by default. In ``null`` of what the shape of the curves leaves, if not 0.
     laws : sequence of str
         Names in `LAWS`. Of ``simcoon`` only the mechanisms that it has.
     effects : sequence of str
@@ -179,10 +179,11 @@ def trials(
     if suite not in SUITES:
         raise ValueError(f"no suite {suite!r}; there are {', '.join(SUITES)}")
     seeds = range(first, first + count)
-    if suite == "null":
-        yield from (_nothing(seed) for seed in seeds)
-        return
     sizes = sigmas or SIGMAS[suite]
+    if suite == "null":
+        some = (replace(_nothing(seed), sigma=s) for seed in seeds for s in sizes)
+        yield from (t for t in some if t.sigma == 0.0 or t.curve != "sigmoid")
+        return
     if suite in ("pairs", "triples"):
         yield from _several(2 if suite == "pairs" else 3, seeds, sizes, laws)
         return

@@ -147,6 +147,15 @@ def test_a_wrong_calibration_factor_leaves_nothing() -> None:
     )
 
 
+def test_where_nothing_is_hidden_the_shape_of_the_curves_has_the_size_asked_for() -> None:
+    """The noise makes it so; sigmoids leave nothing, whatever the noise."""
+    few, many = (hide("none", sigma, "ar1_0.8", seed=3, curve="two_stages") for sigma in (10.0, 40.0))
+    assert few.noise_factor == pytest.approx(4.0 * many.noise_factor)
+    assert independent_sigma(few, 0.8) == pytest.approx(10.0, rel=1e-3)
+    assert hide("none", 0.0, seed=3, curve="two_stages").noise_factor == 1.0
+    assert hide("none", 10.0, seed=3).noise_factor == 1.0
+
+
 def test_a_load_that_does_not_vary_shows_no_stress_shift() -> None:
     with pytest.raises(ValueError, match=r"stress_shift is .* sigma at most"):
         hide("stress_shift", 10.0, design="single_condition")
