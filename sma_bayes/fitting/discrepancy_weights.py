@@ -140,6 +140,33 @@ def safe_cholesky(information: Floats) -> tuple[Floats, NDArray[np.bool_]]:
         return np.asarray(np.linalg.cholesky(matrix)), usable
 
 
+def summing_to_zero(roots: Floats, across: Floats) -> tuple[Floats, Floats, Floats]:
+    """What it takes to make weights of several groups sum to zero that a priori are independent of unit variance.
+
+    Parameters
+    ----------
+    roots : ndarray, shape (W, S, q, q)
+        Cholesky factors of the precision ``D`` of each group.
+    across : ndarray, shape (W, q, k)
+        Sums over groups.
+
+    Returns
+    -------
+    returned : ndarray, shape (W, S, q, q)
+        ``D**-1 A**-1`` of each group, ``A = sum of D**-1``: its part of a sum that is taken back.
+    half_log_determinant : ndarray, shape (W,)
+        ``ln |A/S|/2``, by which that of the precision grows, relative to that of the prior.
+    multiplier : ndarray, shape (W, q, k)
+        ``A**-1`` times the sums.
+    """
+    half = np.linalg.inv(roots)
+    covariance = np.swapaxes(half, 2, 3) @ half
+    total = covariance.sum(axis=1)
+    returned = np.swapaxes(np.linalg.solve(total[:, None], covariance), 2, 3)
+    half_log_determinant = 0.5 * np.linalg.slogdet(total / roots.shape[1])[1]
+    return returned, half_log_determinant, np.linalg.solve(total, across)
+
+
 class _Weights:
     """Normal equations ``(1 + H) v = b`` of the weights ``v = w/size``.
 
@@ -242,6 +269,8 @@ class _WithSweeps(_Weights):
     `D`, `B` and `C` the parts of ``1 + H`` of one sweep, between sweep and all, and of all, what is left is
     ``C - sum of B' D**-1 B``.
 
+    Where they sum to zero, that holds with ``D**-1 - D**-1 A**-1 D**-1``, ``A = sum of D**-1``, between sweeps.
+
     Parameters
     ----------
     whitened : Whitened
@@ -271,8 +300,19 @@ class _WithSweeps(_Weights):
             shares.append(np.linalg.solve(np.swapaxes(root, 1, 2), half))
             usable &= fine
         self.roots, self.shares = np.stack(roots, axis=1), np.stack(shares, axis=1)
-        self.common = _Coupled(whitened, a, inverse, total)
         self.unusable = np.where(usable, 0.0, np.nan)
+        self.returned: Floats | None = None
+        self.half_log_of_sum = np.zeros(len(a))
+        if own.sum_to_zero:
+            sum_of_shares = self.shares.sum(axis=1)
+            self.returned, self.half_log_of_sum, multiplier = summing_to_zero(self.roots, sum_of_shares)
+            total += np.swapaxes(sum_of_shares, 1, 2) @ multiplier
+            self.shares = self._less_sum(self.shares, sum_of_shares)
+        self.common = _Coupled(whitened, a, inverse, total)
+
+    def _less_sum(self, own: Floats, total: Floats) -> Floats:
+        """What sweeps have of their own (W, S, q, k), less what makes it sum to zero; its sum is (W, q, k)."""
+        return own if self.returned is None else own - self.returned @ total[:, None]
 
     def _gram(self, rows: Floats, part: slice) -> Floats:
         """Information (W, m + q, m + q) of the samples of one sweep about weights of rows."""
@@ -305,19 +345,23 @@ class _WithSweeps(_Weights):
     def solve(self, right: Floats) -> Floats:
         of_all, of_sweeps = self._apart(right)
         held = of_sweeps[..., None]
-        held = np.linalg.solve(np.swapaxes(self.roots, 2, 3), np.linalg.solve(self.roots, held))[..., 0]
+        held = np.asarray(np.linalg.solve(np.swapaxes(self.roots, 2, 3), np.linalg.solve(self.roots, held)))
+        held = self._less_sum(held, held.sum(axis=1))[..., 0]
         common = self.common.solve(of_all - np.einsum("wsqm,wsq->wm", self.shares, of_sweeps))
         own = held - np.einsum("wsqm,wm->wsq", self.shares, common)
         return np.concatenate([common, own.reshape(len(own), -1)], axis=1)
 
     def half_log_determinant(self) -> Floats:
         of_sweeps = np.log(np.einsum("wsqq->wsq", self.roots)).sum(axis=(1, 2))
-        return np.asarray(self.common.half_log_determinant() + of_sweeps + self.unusable)
+        return np.asarray(
+            self.common.half_log_determinant() + of_sweeps + self.half_log_of_sum + self.unusable
+        )
 
     def draw(self, rng: np.random.Generator) -> Floats:
         common = self.common.draw(rng)
         fresh = rng.standard_normal(self.roots.shape[:3])[..., None]
-        own = np.linalg.solve(np.swapaxes(self.roots, 2, 3), fresh)[..., 0]
+        own = np.asarray(np.linalg.solve(np.swapaxes(self.roots, 2, 3), fresh))
+        own = self._less_sum(own, own.sum(axis=1))[..., 0]
         own = own - np.einsum("wsqm,wm->wsq", self.shares, common)
         return np.concatenate([common, own.reshape(len(own), -1)], axis=1)
 

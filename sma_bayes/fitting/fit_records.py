@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 from sma_bayes.account import Account
 from sma_bayes.arrays import Floats
 from sma_bayes.fitting.fit import Fit
+from sma_bayes.fitting.mean_sweep import of_all_sweeps, of_measured_sweeps
 from sma_bayes.fitting.model_choice import Prepared, Support, best_supported, prepare, support_of
 from sma_bayes.fitting.noise_choice import noise_start, posterior_with
 from sma_bayes.fitting.posterior import Posterior
@@ -94,7 +95,7 @@ def fit_records(
     account = Account()
     with threadpool_limits(limits=1):  # linear algebra on several threads may round differently
         with account.timed("warm_start"):
-            start_seed, sample_seed = _seed(records, seed).spawn(2)
+            start_seed, sample_seed, mean_seed = _seed(records, seed).spawn(3)
             models = ladder or [(model or ModifiedSigmoid(records[0].channels), priors)]
             prepared = _prepared(
                 records, models, noise, start_seed, discrepancy=discrepancy, progress=progress
@@ -113,16 +114,18 @@ def fit_records(
             theta = posterior.space.constrain(z)
             exact = any(exact_channels(posterior, theta, i) for i in range(len(records)))
             plan = with_what_is_worth_it(plan or Plan(), posterior, start, doubted=doubted or exact)
+            sampled = of_measured_sweeps(posterior)
             draws = sample_by_factors(
-                posterior,
+                sampled,
                 _starts(z, start),
                 posterior.space.prior_sd(),
                 sample_seed,
                 plan,
                 checkpoint=checkpoint and checkpoint.with_stem(f"{checkpoint.stem}-{name}"),
-                fingerprint=posterior.fingerprint() if checkpoint else "",
+                fingerprint=sampled.fingerprint() if checkpoint else "",
                 progress=progress,
             )
+            draws = of_all_sweeps(draws, sampled, z, np.random.default_rng(mean_seed))
     return Fit(
         posterior,
         start,

@@ -131,8 +131,9 @@ def choose_noise(
     displacement are of one specimen, and where the curve fails in one of them the other, in more noise, is no better
     known. Before another series a discrepancy counts as a memory does. Where records have several sweeps all of this is
     done once more with what each sweep has of its own beside the discrepancy, which is taken where it gains `EARNED`.
-    Growth and an error of the thermometer don't take part then: they follow the common curve, and would tell where it
-    lies by how the noise of sweeps changes that lie elsewhere.
+    Growth and an error of the thermometer take no part in that, on neither side: they follow the common curve, would
+    tell where it lies by how the noise of sweeps changes that lie elsewhere, and sweeps that are shifted scatter most
+    where the curve is steep, which is what an error of the thermometer does to readings.
 
     Parameters
     ----------
@@ -159,10 +160,18 @@ def choose_noise(
 
 
 def _chosen(residuals: _Residuals, noise: str | None) -> tuple[NoiseChoice, float]:
-    """What describes residuals best, of one noise model or all, and how well; see `choose_noise`."""
+    """What describes residuals best, of one noise model or all; see `choose_noise`.
+
+    Returns
+    -------
+    NoiseChoice
+    supported : float
+        How well the best series alone does, without growth or an error of the thermometer, or else the chosen model.
+    """
     posterior = residuals.posterior
     found: dict[str, _Description] = {}
     coarse: dict[str, float] = {}
+    series_alone: float | None = None
 
     def look(name: str) -> _Description:
         if name not in found:
@@ -190,6 +199,7 @@ def _chosen(residuals: _Residuals, noise: str | None) -> tuple[NoiseChoice, floa
             and (model.is_gaussian or signs.tails)
         ]
         best = max(names, key=lambda n: look(n).supported - EARNED * _features(NOISE_MODELS[n]))
+        series_alone = look(best).supported
         signs = signs.joined(residuals.signs(look(best)))
         for suffix, sign in (("growing", signs.growth), ("temperature_error", signs.slope)):
             if not sign or _sweeps_apart(residuals.bases):
@@ -225,7 +235,7 @@ def _chosen(residuals: _Residuals, noise: str | None) -> tuple[NoiseChoice, floa
         chosen.temperature_sd,
         chosen.longest_memory,
     )
-    return choice, chosen.supported
+    return choice, chosen.supported if series_alone is None else series_alone
 
 
 def _features(noise: NoiseModel) -> int:

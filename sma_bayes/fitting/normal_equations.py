@@ -15,7 +15,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sma_bayes.arrays import Bools, Floats, Ints
-from sma_bayes.fitting.discrepancy_weights import safe_cholesky
+from sma_bayes.fitting.discrepancy_weights import safe_cholesky, summing_to_zero
 from sma_bayes.fitting.posterior import Posterior
 from sma_bayes.fitting.sweep_functions import SweepFunctions
 from sma_bayes.noise import Steps
@@ -124,10 +124,19 @@ class NormalEquations:
         """The same as `_without_weights` where each sweep has something of its own, of another ratio (W,)."""
         every, kept = np.concatenate([rows, basis]), len(rows) + len(basis) - len(own.samples)
         total, log_volume = np.zeros((len(shape), kept, kept)), np.zeros(len(shape))
+        roots, shares = [], []
         for part in own.parts:
             gram = self.posterior.noise.weighted_gram(every[:, part], shape, steps.part(part))
-            left, volume = _eliminated(gram, kept, of_sweeps)
+            left, volume, root, half = _eliminated_by(gram, kept, of_sweeps)
             total += left
+            log_volume += volume
+            if own.sum_to_zero:
+                roots.append(root)
+                shares.append(np.linalg.solve(np.swapaxes(root, 1, 2), half))
+        if own.sum_to_zero:
+            across = np.sum(shares, axis=0)
+            _, volume, multiplier = summing_to_zero(np.stack(roots, axis=1), across)
+            total += np.swapaxes(across, 1, 2) @ multiplier
             log_volume += volume
         gram, volume = _eliminated(total, len(rows), ratio)
         return gram, log_volume + volume
@@ -167,13 +176,19 @@ def _eliminated(gram: Floats, kept: int, ratio: Floats) -> tuple[Floats, Floats]
     half_log_determinant : ndarray, shape (W,)
         Of ``1 + ratio * gram`` of the last rows.
     """
+    return _eliminated_by(gram, kept, ratio)[:2]
+
+
+def _eliminated_by(gram: Floats, kept: int, ratio: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """The same, with the Cholesky factor (W, k, k) of the last rows, and their products with the first over it."""
     first, across, last = gram[:, :kept, :kept], gram[:, kept:, :kept], gram[:, kept:, kept:]
     with np.errstate(invalid="ignore"):
         factor, usable = safe_cholesky(ratio[:, None, None] * last)
     root = np.sqrt(np.where(usable, ratio, 0.0))[:, None, None]
-    shared = np.linalg.solve(factor, root * across)
+    shared = np.asarray(np.linalg.solve(factor, root * across))
     log_volume = np.log(np.einsum("wkk->wk", factor)).sum(axis=1)
-    return first - np.swapaxes(shared, 1, 2) @ shared, np.where(usable, log_volume, np.nan)
+    left = np.asarray(first - np.swapaxes(shared, 1, 2) @ shared)
+    return left, np.where(usable, log_volume, np.nan), factor, shared
 
 
 # There are thousands of small systems. A loop over their rows, each step for all systems at once, is several times

@@ -10,7 +10,7 @@ they have not. A new reading is one of a new sweep.
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -46,12 +46,18 @@ class SweepFunctions:
         Functions at the samples of the record, of a mean square over them that is one for all together.
     sweep : ndarray of int, shape (n,)
         Which sweep each sample belongs to, from 0.
+    change : ndarray, shape (p, q), or None
+        Change of the curve's parameters along which each function is; None where they are known by their values alone.
+    sum_to_zero : bool
+        Whether what the sweeps have of their own sums to zero: then the curve is that of the sweeps that were measured.
     """
 
     temperature: Floats
     values: Floats
     samples: Floats
     sweep: Ints
+    change: Floats | None = None
+    sum_to_zero: bool = False
 
     @staticmethod
     def of(
@@ -77,9 +83,10 @@ class SweepFunctions:
         if not kept.any():
             return None
         turned_by = axes[kept].T / singular[kept] * np.sqrt(len(tangents) / kept.sum())
-        return SweepFunctions.tabulated(
-            nodes, tangents_at_nodes[:, usable] / scale[usable] @ turned_by, inputs
-        )
+        change = np.zeros((tangents.shape[1], int(kept.sum())))
+        change[usable] = turned_by / scale[usable, None]
+        found = SweepFunctions.tabulated(nodes, tangents_at_nodes[:, usable] @ change[usable], inputs)
+        return replace(found, change=change)
 
     @staticmethod
     def tabulated(nodes: Floats, values: Floats, inputs: Mapping[str, Floats]) -> SweepFunctions:

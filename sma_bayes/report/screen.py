@@ -18,7 +18,7 @@ SHOWN: Final = 20
 """Entries of a list on the screen, where there are very many."""
 SIMPLER: Final = ("ar1", "independent")
 """Noise models under which fits converge that do not under richer ones, mostly in seconds; the richer first. Of four
-real records three did under either, and each under one of them; but then none was adequate."""
+real records two did under either, and each under one of them; but then none was adequate."""
 
 
 def what_helps(noises: Collection[str] = ()) -> str:

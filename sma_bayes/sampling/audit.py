@@ -46,7 +46,9 @@ from sma_bayes.sampling.pareto import smoothed_weights
 from sma_bayes.sampling.proposals import (
     AnyProposal,
     Coordinates,
+    FactorisedMixture,
     MixedProposal,
+    Mixture,
     PlainCoordinates,
     Proposal,
     StudentMixture,
@@ -142,18 +144,37 @@ class Audited:
     evaluations: int
 
     def mended(self, density: Density, proposal: AnyProposal, rng: np.random.Generator) -> Adapted:
-        """A mixture fitted to the draws of the run, joined with the needles; its own draws judge it."""
+        """A mixture fitted to the draws of the run, joined with the needles; its own draws judge it.
+
+        Where the proposal before takes blocks of coordinates as independent, one that does so is fitted as well, and
+        the better is taken.
+        """
         first = _first(proposal)
         u, _, back = first.coordinates.forward(self.z)
         count = np.count_nonzero(back)
         if count < max(0.5 * len(u), 4 * u.shape[1]):
             return _joined(density, proposal, self.wider, rng)
         u = u[back]
-        covariance = np.cov(u.T).reshape(u.shape[1], -1)
-        start = StudentMixture.about(u, MENDED_COMPONENTS, covariance, TAIL_DF, rng)
-        narrow = start.refitted(u, np.full(count, 1.0 / count), rounds=MENDED_ROUNDS)
-        joined = MixedProposal(MENDED_SHARES, (replace(first, narrow=narrow), self.wider))
-        return Adapted(joined, weigh(density, joined, rng, MENDED_DRAWS), MENDED_DRAWS)
+        narrow: list[Mixture] = [_fitted(u, rng)]
+        if isinstance(first.narrow, FactorisedMixture):
+            parts = tuple(
+                part.refitted(u[:, block], np.full(count, 1.0 / count), rounds=MENDED_ROUNDS)
+                if part.components == 1
+                else _fitted(u[:, block], rng)
+                for block, part in zip(first.narrow.blocks, first.narrow.parts, strict=True)
+            )
+            narrow.append(FactorisedMixture(first.narrow.blocks, parts))
+        joined = [MixedProposal(MENDED_SHARES, (replace(first, narrow=each), self.wider)) for each in narrow]
+        last = [weigh(density, each, rng, MENDED_DRAWS) for each in joined]
+        best = int(np.argmax([each.weights.efficiency for each in last]))
+        return Adapted(joined[best], last[best], MENDED_DRAWS * len(joined))
+
+
+def _fitted(u: Floats, rng: np.random.Generator) -> StudentMixture:
+    """Mixture fitted to draws (S, D)."""
+    covariance = np.cov(u.T).reshape(u.shape[1], -1)
+    start = StudentMixture.about(u, MENDED_COMPONENTS, covariance, TAIL_DF, rng)
+    return start.refitted(u, np.full(len(u), 1.0 / len(u)), rounds=MENDED_ROUNDS)
 
 
 def _first(proposal: AnyProposal) -> Proposal:

@@ -18,7 +18,7 @@ EXAMPLES = Path(__file__).resolve().parents[2] / "docs" / "examples"
     ("example", "record", "noise"),
     [
         ("guarneros_spring_force", "AB3-heating", "ar1"),
-        ("wire_in_water", "ele_hys_2-cooling", "ar1"),
+        ("wire_in_water", "ele_hys_2-cooling", "independent"),
         ("wire_in_water", "ele_hys_2-heating", "independent"),
     ],
 )
