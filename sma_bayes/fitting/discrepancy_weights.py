@@ -123,6 +123,15 @@ class Whitened:
         drawn = self._likeliest(weights) + weights.draw(rng)
         return np.asarray(self.size * drawn[:, : len(self.rows)])
 
+    def draw_weights_of_sweeps(self, rng: np.random.Generator) -> Floats:
+        """Weights (W, S, q) of what sweeps have of their own [unit of the channel], drawn given everything else."""
+        own, between = self.sweep_functions, self.between
+        assert own is not None
+        assert between is not None
+        weights = self._system()
+        drawn = (self._likeliest(weights) + weights.draw(rng))[:, len(self.rows) :]
+        return np.asarray(between[:, None, None] * drawn.reshape(len(drawn), len(own.parts), -1))
+
 
 def safe_cholesky(information: Floats) -> tuple[Floats, NDArray[np.bool_]]:
     """Cholesky factors (W, m, m) of ``1 + H``, and which are usable: `H` finite, positive definite beyond rounding."""

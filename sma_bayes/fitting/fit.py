@@ -33,19 +33,20 @@ class Fit:
     start : ndarray, shape (P,)
         Parameters at the warm start, those of the noise estimated from its residuals.
     draws : Draws
+        Of what was sampled; where sweeps differ the curve is that of the measured ones (`mean_sweep`).
     noise_choice : NoiseChoice or None
         What stands beside the curve and why; None where the noise is no density of the data.
     seed : int
+    z : ndarray, shape (G, N, D)
+        Kept draws in sampled coordinates; see `kept`.
     account : Account
         Time that warm start and sampling took.
     chosen : bool
         Whether the noise model was chosen from the data rather than named by the user.
     model_choice : ModelChoice or None
         The response model and why, where it was chosen from the ladder.
-    z : ndarray, shape (G, N, D)
-        Kept draws in sampled coordinates, evenly thinned.
     theta : ndarray, shape (G, N, P)
-        The same as parameters, before the uncertainty of calibrations is added.
+        Kept draws as parameters, before the uncertainty of calibrations is added.
     """
 
     posterior: Posterior
@@ -54,19 +55,14 @@ class Fit:
     draws: Draws
     noise_choice: NoiseChoice | None
     seed: int
+    z: Floats
     account: Account = field(default_factory=Account)
     chosen: bool = True
     model_choice: ModelChoice | None = None
-    z: Floats = field(init=False, repr=False)
     theta: Floats = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
-        groups, steps, walkers, d = self.draws.z.shape
-        joined = np.swapaxes(self.draws.z, 1, 2).reshape(groups, walkers * steps, d)
-        keep = np.linspace(0, joined.shape[1] - 1, min(KEPT, joined.shape[1])).round().astype(int)
-        z = joined[:, keep]
-        object.__setattr__(self, "z", z)
-        object.__setattr__(self, "theta", self.posterior.space.constrain(z))
+        object.__setattr__(self, "theta", self.posterior.space.constrain(self.z))
 
     @property
     def records(self) -> tuple[Record, ...]:
@@ -115,6 +111,14 @@ class Fit:
         weights = self.discrepancy[record] if self.discrepancy else {}
         calibration = self.calibration_draws(record)
         return CurveDraws(self.posterior, self.calibrated(record), weights, calibration, record)
+
+
+def kept(draws: Draws) -> Floats:
+    """Draws (G, N, D) in sampled coordinates, evenly thinned to `KEPT` of each ensemble at most."""
+    groups, steps, walkers, d = draws.z.shape
+    joined = np.swapaxes(draws.z, 1, 2).reshape(groups, walkers * steps, d)
+    at = np.linspace(0, joined.shape[1] - 1, min(KEPT, joined.shape[1])).round().astype(int)
+    return np.asarray(joined[:, at])
 
 
 def calibrations_of(record: Record) -> dict[str, Calibration]:

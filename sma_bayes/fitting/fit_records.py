@@ -13,7 +13,7 @@ from threadpoolctl import threadpool_limits
 
 from sma_bayes.account import Account
 from sma_bayes.arrays import Floats
-from sma_bayes.fitting.fit import Fit
+from sma_bayes.fitting.fit import Fit, kept
 from sma_bayes.fitting.mean_sweep import of_all_sweeps, of_measured_sweeps
 from sma_bayes.fitting.model_choice import Prepared, Support, best_supported, prepare, support_of
 from sma_bayes.fitting.noise_choice import noise_start, posterior_with
@@ -125,7 +125,7 @@ def fit_records(
                 fingerprint=sampled.fingerprint() if checkpoint else "",
                 progress=progress,
             )
-            draws = of_all_sweeps(draws, sampled, z, np.random.default_rng(mean_seed))
+            found = of_all_sweeps(kept(draws), sampled, z, np.random.default_rng(mean_seed))
     return Fit(
         posterior,
         start,
@@ -133,6 +133,7 @@ def fit_records(
         draws,
         choice,
         seed,
+        found,
         account,
         chosen=noise == AUTO,
         model_choice=model_choice,

@@ -3,10 +3,17 @@
 Where each sweep has something of its own, the curve of all sweeps is known no better than so few of them tell, and the
 more they may differ the less: curve and what the sweeps have in common can change places, along ridges that bend where
 the curve is not linear in its parameters. The mean of the measured sweeps is known well whatever they have of their
-own. So that is sampled, with what sweeps have of their own summing to zero, and what the mean of ``S`` sweeps has of
-its own, ``N(0, between**2/S)``, is drawn and taken off its parameters afterwards: hierarchical centring (A. E. Gelfand,
-S. K. Sahu and B. P. Carlin, Biometrika 82 (1995) 479). Where the curve is linear in its parameters the one posterior is
-the other. The prior of the curve is that of the measured sweeps' mean.
+own. So that is sampled, with what sweeps have of their own summing to zero, and what the mean of all sweeps differs by
+is drawn and taken off its parameters afterwards: hierarchical centring (A. E. Gelfand, S. K. Sahu and B. P. Carlin,
+Biometrika 82 (1995) 479). The prior of the curve is that of the measured sweeps' mean.
+
+While sampling, what sweeps have of their own is of one size in all its q functions, which suits what readings say of
+each. How the mean of S sweeps scatters is another question, and sweeps need not scatter alike in offset, stroke,
+midpoint and rate. It is asked of the sweeps' own weights w, drawn given the measurements: with a covariance between
+sweeps that is inverse Wishart a priori, of q degrees of freedom about the one size, as if one more sweep were of that
+size in all functions,
+
+    mean ~ t_S(0, (between**2 + sum of w w')/S**2).
 """
 
 from __future__ import annotations
@@ -19,7 +26,6 @@ import numpy as np
 from sma_bayes.arrays import Bools, Floats
 from sma_bayes.fitting.posterior import Posterior
 from sma_bayes.fitting.sweep_functions import SweepFunctions
-from sma_bayes.sampling.ensembles import Draws
 
 
 def of_measured_sweeps(posterior: Posterior) -> Posterior:
@@ -40,32 +46,57 @@ def of_measured_sweeps(posterior: Posterior) -> Posterior:
     return replace(posterior, discrepancy=(bases,))
 
 
-def of_all_sweeps(draws: Draws, sampled: Posterior, start: Floats, rng: np.random.Generator) -> Draws:
+def of_all_sweeps(z: Floats, sampled: Posterior, start: Floats, rng: np.random.Generator) -> Floats:
     """Draws of the curve of all sweeps from those of the measured ones.
 
     Parameters
     ----------
-    draws : Draws
-        Of the `sampled` posterior.
+    z : ndarray, shape (..., D)
+        Draws of the `sampled` posterior.
     sampled : Posterior
         As `of_measured_sweeps` gives it.
     start : ndarray, shape (D,)
         Point in sampled coordinates at which the functions of sweeps are tangents of the curve.
     rng : numpy.random.Generator
+
+    Returns
+    -------
+    ndarray, shape (..., D)
     """
     found = [(channel, own) for channel, own in _sweep_functions(sampled) if own.sum_to_zero]
     if not found:
-        return draws
+        return z
     space, count = sampled.space, sampled.sampled_model.size
-    z = draws.z.reshape(-1, space.dimension).copy()
-    every = space.constrain(z)
+    out = z.reshape(-1, space.dimension).copy()
+    theta = space.constrain(out)
     slope = space.derivative(start)[:count]
     for channel, own in found:
         assert own.change is not None  # `_moved` has looked at it
-        size = every[:, sampled.layout[0].between[channel]] / np.sqrt(len(own.parts))
-        weights = size[:, None] * rng.standard_normal((len(z), own.change.shape[1]))
-        z[:, :count] -= weights @ (own.change / slope[:, None]).T
-    return replace(draws, z=z.reshape(draws.z.shape))
+        weights = sampled.draw_sweeps(rng, theta, 0, channel)
+        size = theta[:, sampled.layout[0].between[channel]]
+        out[:, :count] -= mean_of_all(rng, weights, size) @ (own.change / slope[:, None]).T
+    return out.reshape(z.shape)
+
+
+def mean_of_all(rng: np.random.Generator, weights: Floats, size: Floats) -> Floats:
+    """Mean over the measured sweeps less that over all, drawn given what the measured ones have of their own.
+
+    Parameters
+    ----------
+    rng : numpy.random.Generator
+    weights : ndarray, shape (W, S, q)
+        Of the measured sweeps; they sum to zero.
+    size : ndarray, shape (W,)
+        Their standard deviation in all functions together.
+
+    Returns
+    -------
+    ndarray, shape (W, q)
+    """
+    count, sweeps, functions = weights.shape
+    scatter = np.swapaxes(weights, 1, 2) @ weights + size[:, None, None] ** 2 * np.eye(functions)
+    normal = np.einsum("wij,wj->wi", np.linalg.cholesky(scatter), rng.standard_normal((count, functions)))
+    return np.asarray(normal / np.sqrt(sweeps * rng.chisquare(sweeps, count))[:, None])
 
 
 def _sweep_functions(posterior: Posterior) -> Iterator[tuple[str, SweepFunctions]]:

@@ -337,6 +337,29 @@ class Posterior:
             out.append(found)
         return tuple(out)
 
+    def draw_sweeps(self, rng: np.random.Generator, theta: Floats, record: int, channel: str) -> Floats:
+        """Weights of what each sweep has of its own, drawn given the measurements and everything else.
+
+        Parameters
+        ----------
+        rng : numpy.random.Generator
+        theta : ndarray, shape (W, P)
+        record : int
+        channel : str
+            One whose sweeps have something of their own.
+
+        Returns
+        -------
+        ndarray, shape (W, S, q)
+            [unit of the channel]
+        """
+        found = []
+        for part in batches(len(theta), self.records[record].n, CHUNK):
+            standardised = {c: (e, scale) for c, e, scale in self._standardised(theta[part], record)}
+            whitened = self._whitened(theta[part], record, channel, *standardised[channel])
+            found.append(whitened.draw_weights_of_sweeps(rng))
+        return np.concatenate(found)
+
     def predict(
         self, theta: Floats, inputs: Mapping[str, Floats], *, record: int = 0, weights: Weights = ()
     ) -> dict[str, Floats]:

@@ -36,7 +36,7 @@ from scipy.stats import binom, kstest
 
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.identifiability import IDENTIFIED, contraction
-from sma_bayes.fitting.fit import Fit
+from sma_bayes.fitting.fit import Fit, kept
 from sma_bayes.fitting.noise_choice import discrepancy_bases, noise_start
 from sma_bayes.fitting.posterior import Posterior, build_posterior
 from sma_bayes.fitting.warm_start import warm_start
@@ -204,7 +204,7 @@ def fitted(prior: Posterior, record: Record, seed: int) -> Fit:
         starts.append(z.copy())
         starts[-1][: other.size] = other
     draws = sample(posterior, starts, posterior.space.prior_sd(), second, PLAN)
-    return Fit(posterior, start, posterior.space.constrain(z), draws, None, seed)
+    return Fit(posterior, start, posterior.space.constrain(z), draws, None, seed, kept(draws))
 
 
 @dataclass(frozen=True, eq=False)
