@@ -94,9 +94,34 @@ def mean_of_all(rng: np.random.Generator, weights: Floats, size: Floats) -> Floa
     ndarray, shape (W, q)
     """
     count, sweeps, functions = weights.shape
-    scatter = np.swapaxes(weights, 1, 2) @ weights + size[:, None, None] ** 2 * np.eye(functions)
-    normal = np.einsum("wij,wj->wi", np.linalg.cholesky(scatter), rng.standard_normal((count, functions)))
+    root = np.linalg.cholesky(_sums_of_squares(weights, size))
+    normal = np.einsum("wij,wj->wi", root, rng.standard_normal((count, functions)))
     return np.asarray(normal / np.sqrt(sweeps * rng.chisquare(sweeps, count))[:, None])
+
+
+def covariance_of_sweeps(weights: Floats, size: Floats) -> Floats:
+    """Expected covariance (q, q) of a new sweep's weights, with which the mean of all sweeps scatters as well.
+
+    Of two sweeps, of which there is no expectation, that of one size.
+
+    Parameters
+    ----------
+    weights : ndarray, shape (W, S, q)
+        Of the measured sweeps, drawn given the measurements; only how they differ from their mean counts.
+    size : ndarray, shape (W,)
+        Their standard deviation in all functions together.
+    """
+    _, sweeps, functions = weights.shape
+    if sweeps <= 2:
+        return np.asarray(np.mean(size**2) * np.eye(functions))
+    apart = weights - weights.mean(axis=1, keepdims=True)
+    return np.asarray(_sums_of_squares(apart, size).mean(axis=0) / (sweeps - 2.0))
+
+
+def _sums_of_squares(weights: Floats, size: Floats) -> Floats:
+    """Scale (W, q, q) of the inverse Wishart distribution of the covariance between sweeps."""
+    one_more = size[:, None, None] ** 2 * np.eye(weights.shape[2])
+    return np.asarray(np.swapaxes(weights, 1, 2) @ weights + one_more)
 
 
 def _sweep_functions(posterior: Posterior) -> Iterator[tuple[str, SweepFunctions]]:

@@ -20,6 +20,7 @@ from scipy import optimize
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.assess.sweeps import samples_of_sweeps
+from sma_bayes.fitting.mean_sweep import covariance_of_sweeps
 from sma_bayes.fitting.sweep_functions import SweepFunctions
 from sma_bayes.studies.cycles.sweeps import LEAST_SAMPLES, NUMBERS, USUAL_SCATTER
 from sma_bayes.studies.sensitivity.quantities import before_calibration
@@ -80,20 +81,20 @@ class SweepScatter:
         From how many sweeps it was learnt; 0 where it is assumed.
     functions : SweepFunctions or None
         What the fit gives each sweep, if it does.
-    size : float
-        Standard deviation of the weight of each of them [unit of the channel].
+    root : ndarray, shape (q, q), or None
+        Cholesky factor of the covariance of their weights [unit of the channel].
     """
 
     deviations: Deviations
     sd: Floats
     sweeps: int
     functions: SweepFunctions | None = None
-    size: float = 0.0
+    root: Floats | None = None
 
     def rows(self, temperature: Floats) -> Floats:
         """What a standard deviation of each number, or of each function, does, (k, n) [unit of the channel]."""
-        if self.functions is not None:
-            return np.asarray(self.size * self.functions.at(temperature).T)
+        if self.functions is not None and self.root is not None:
+            return np.asarray((self.functions.at(temperature) @ self.root).T)
         return np.asarray(self.sd[:, None] * self.deviations.rows(temperature))
 
     def told(self) -> dict[str, float]:
@@ -124,14 +125,17 @@ def scatter_of(draws: RecordDraws, assumed: str) -> dict[str, SweepScatter]:
     return out
 
 
-def _of_the_fit(draws: RecordDraws, channel: str) -> tuple[SweepFunctions | None, float]:
-    """What the fit gives each sweep, and the root mean square of its size over the draws."""
+def _of_the_fit(draws: RecordDraws, channel: str) -> tuple[SweepFunctions | None, Floats | None]:
+    """What the fit gives each sweep, and the root of the covariance with which sweeps were found to scatter."""
     posterior = draws.posterior
     basis = posterior.discrepancy[0].get(channel)
     if basis is None or basis.sweep_functions is None:
-        return None, 0.0
-    size = before_calibration(draws)[:, posterior.layout[0].between[channel]]
-    return basis.sweep_functions, float(np.sqrt(np.mean(size**2)))
+        return None, None
+    theta = before_calibration(draws)
+    size = theta[:, posterior.layout[0].between[channel]]
+    weights = posterior.draw_sweeps(np.random.default_rng(0), theta, 0, channel)
+    root = np.linalg.cholesky(covariance_of_sweeps(weights, size))
+    return basis.sweep_functions, np.asarray(root)
 
 
 def _learnt(draws: RecordDraws, channel: str, deviations: Deviations) -> Floats:
