@@ -125,9 +125,8 @@ def own_of(basis: DiscrepancyBasis, record: Record) -> SweepFunctions | None:
     """What sweeps of other samples have of their own, where those of the basis have anything."""
     if basis.sweep_functions is None:
         return None
-    return SweepFunctions.tabulated(
-        basis.sweep_functions.temperature, basis.sweep_functions.values, record.inputs
-    )
+    own = basis.sweep_functions
+    return replace(SweepFunctions.tabulated(own.temperature, own.values, record.inputs), change=own.change)
 
 
 def density_of(

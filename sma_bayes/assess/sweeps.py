@@ -21,7 +21,7 @@ A. Vehtari, A. Gelman, J. Gabry, Statistics and Computing 27 (2017) 1413 (weight
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from pydantic import Field
@@ -32,14 +32,15 @@ from sma_bayes.arrays import Floats, Ints
 from sma_bayes.assess.checks import Check
 from sma_bayes.assess.held_out import evaluated_on, missed_by, of_samples, part
 from sma_bayes.document_part import DocumentPart, NumberOrNull
-from sma_bayes.fitting.fit import Fit
+from sma_bayes.fitting.fit import Fit, kept
+from sma_bayes.fitting.mean_sweep import of_all_sweeps, of_measured_sweeps
 from sma_bayes.fitting.posterior import Posterior, Weights
 from sma_bayes.records.types import Record
 from sma_bayes.sampling.importance import WeightedDraws, importance_draws
 from sma_bayes.sampling.pareto import RELIABLE, smoothed_weights
 
 FEWEST_SWEEPS = 3
-REFITS = 3
+REFITS = 4
 """Fits made anew for one record, at most: of the sweeps that the draws can be relied on least without."""
 STATISTIC = "left_out_sweeps"
 MEANING = (
@@ -64,6 +65,10 @@ class LeftOutSweep(DocumentPart):
     spare: int = Field(description="degrees of freedom of its denominator")
     pareto_k: NumberOrNull = Field(description="Pareto k of the weights of the draws [1]")
     refitted: bool = Field(description="whether the others were fitted again")
+
+
+NO_WEIGHT = 1e-12
+"""Share of all weight from which a draw counts: one that is far out has none, and need not have a finite response."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -140,8 +145,13 @@ def fitted_without(
     kept = np.ones(record.n, dtype=bool)
     kept[left_out] = False
     rest = of_samples(posterior, part(record, kept))
-    draws = importance_draws(rest, [start], rest.space.prior_sd(), seed)
-    return (rest, draws) if draws.converged else None
+    sampled = of_measured_sweeps(rest)
+    draws = importance_draws(sampled, [start], rest.space.prior_sd(), seed)
+    if not draws.converged:
+        return None
+    (mean_seed,) = seed.spawn(1)
+    z = of_all_sweeps(draws.z, sampled, start, np.random.default_rng(mean_seed), one_size=True)
+    return rest, replace(draws, z=z)
 
 
 def left_out_sweeps(fit: Fit, record: int = 0) -> list[LeftOutSweep]:
@@ -157,15 +167,16 @@ def left_out_sweeps(fit: Fit, record: int = 0) -> list[LeftOutSweep]:
     sweeps = samples_of_sweeps(r)
     if len(sweeps) < FEWEST_SWEEPS or not posterior.noise.is_density:
         return []
+    theta, weights = _of_the_density(fit)
     with np.errstate(all="ignore"):
-        pointwise = posterior.pointwise_log_likelihood(fit.flat, fit.discrepancy)[record]
+        pointwise = posterior.pointwise_log_likelihood(theta, weights)[record]
     log_weight, k, again = weights_without(pointwise, sweeps, REFITS if len(fit.records) == 1 else 0)
     tangents = _tangents(fit, record)
     of_its_own = _of_its_own(fit, record)
-    innovations = _innovations(posterior, fit.flat, fit.discrepancy, record)
+    innovations = _innovations(posterior, theta, weights, record)
     out = []
     for i, sweep in enumerate(sweeps):
-        drawn: _Drawn | None = _Drawn(innovations, fit.flat, log_weight[:, i])
+        drawn: _Drawn | None = _Drawn(innovations, theta, log_weight[:, i])
         if not k[i] <= RELIABLE:
             drawn = _without(fit, sweep) if i in again else None
         for channel in r.channels:
@@ -214,6 +225,18 @@ def sweep_checks(sweeps: Sequence[LeftOutSweep]) -> list[Check]:
             Check(channel, STATISTIC, float(worst.distance or 0.0), low, high, p, meaning, worst.sweep)
         )
     return out
+
+
+def _of_the_density(fit: Fit) -> tuple[Floats, Weights]:
+    """Draws of the parameters and of what stands beside the curve, as the density of the posterior has them."""
+    sampled = of_measured_sweeps(fit.posterior)
+    if sampled is fit.posterior:
+        return fit.flat, fit.discrepancy
+    rng = np.random.default_rng(np.random.SeedSequence([fit.seed, 9]))
+    space = fit.posterior.space
+    z = of_all_sweeps(kept(fit.draws), sampled, space.unconstrain(fit.start), rng, one_size=True)
+    theta = space.constrain(z).reshape(-1, fit.theta.shape[-1])
+    return theta, fit.posterior.draw_discrepancy(rng, theta)
 
 
 def _innovations(posterior: Posterior, theta: Floats, weights: Weights, record: int) -> dict[str, Floats]:
@@ -269,7 +292,7 @@ def _distance(e: Floats, log_weight: Floats, rows: Floats, own: Floats | None = 
     What the sweep has of its own scatters along them, too, by `own` (q, r), if there is such a thing.
     """
     w = np.exp(log_weight - logsumexp(log_weight))
-    kept = w > 0.0
+    kept = w > NO_WEIGHT
     if not len(rows) or not np.isfinite(e[kept]).all():
         return None
     along = e[kept] @ rows.T

@@ -10,10 +10,9 @@ Biometrika 82 (1995) 479). The prior of the curve is that of the measured sweeps
 While sampling, what sweeps have of their own is of one size in all its q functions, which suits what readings say of
 each. How the mean of S sweeps scatters is another question, and sweeps need not scatter alike in offset, stroke,
 midpoint and rate. It is asked of the sweeps' own weights w, drawn given the measurements: with a covariance between
-sweeps that is inverse Wishart a priori, of q degrees of freedom about the one size, as if one more sweep were of that
-size in all functions,
+sweeps that is inverse Wishart a priori, as if n = 3 (`SEEN_BEFORE`) sweeps more were of the one size in all functions,
 
-    mean ~ t_S(0, (between**2 + sum of w w')/S**2).
+    mean ~ t_v(0, (n between**2 + sum of w w')/(S v)),    v = S - 1 + n.
 """
 
 from __future__ import annotations
@@ -23,19 +22,29 @@ from dataclasses import replace
 
 import numpy as np
 
-from sma_bayes.arrays import Bools, Floats
+from sma_bayes.arrays import Floats
 from sma_bayes.fitting.posterior import Posterior
 from sma_bayes.fitting.sweep_functions import SweepFunctions
+
+SEEN_BEFORE = 3
+"""Sweeps of the one size that count as seen a priori. The mean over two measured ones then has four degrees of freedom,
+that over three five: variances that are finite, and can be estimated from draws."""
 
 
 def of_measured_sweeps(posterior: Posterior) -> Posterior:
     """The same posterior with the curve that of the mean over the measured sweeps; itself where they do not differ.
 
     Itself as well where several records share the curve, or channels a parameter that sweeps change: then no mean over
-    the sweeps of one channel of one record is the curve of all.
+    the sweeps of one channel of one record is the curve of all; and where there is but one sweep, or what sweeps change
+    is known by its values alone.
     """
-    moved = [_moved(own) for _, own in _sweep_functions(posterior)]
-    if not moved or len(posterior.records) > 1 or np.sum(moved, axis=0).max() > 1:
+    every = [own for _, own in _sweep_functions(posterior)]
+    moved = [
+        np.any(own.change != 0.0, axis=1) for own in every if own.change is not None and len(own.parts) > 1
+    ]
+    if not moved or len(moved) < len(every) or len(posterior.records) > 1:
+        return posterior
+    if np.sum(moved, axis=0).max() > 1:
         return posterior
     bases = {
         channel: basis
@@ -46,7 +55,9 @@ def of_measured_sweeps(posterior: Posterior) -> Posterior:
     return replace(posterior, discrepancy=(bases,))
 
 
-def of_all_sweeps(z: Floats, sampled: Posterior, start: Floats, rng: np.random.Generator) -> Floats:
+def of_all_sweeps(
+    z: Floats, sampled: Posterior, start: Floats, rng: np.random.Generator, *, one_size: bool = False
+) -> Floats:
     """Draws of the curve of all sweeps from those of the measured ones.
 
     Parameters
@@ -58,6 +69,8 @@ def of_all_sweeps(z: Floats, sampled: Posterior, start: Floats, rng: np.random.G
     start : ndarray, shape (D,)
         Point in sampled coordinates at which the functions of sweeps are tangents of the curve.
     rng : numpy.random.Generator
+    one_size : bool
+        Whether sweeps scatter by one size in all functions, as the density of the posterior has it.
 
     Returns
     -------
@@ -71,10 +84,14 @@ def of_all_sweeps(z: Floats, sampled: Posterior, start: Floats, rng: np.random.G
     theta = space.constrain(out)
     slope = space.derivative(start)[:count]
     for channel, own in found:
-        assert own.change is not None  # `_moved` has looked at it
-        weights = sampled.draw_sweeps(rng, theta, 0, channel)
+        assert own.change is not None  # `of_measured_sweeps` has looked at it
         size = theta[:, sampled.layout[0].between[channel]]
-        out[:, :count] -= mean_of_all(rng, weights, size) @ (own.change / slope[:, None]).T
+        if one_size:
+            normal = rng.standard_normal((len(theta), own.change.shape[1]))
+            mean = size[:, None] / np.sqrt(len(own.parts)) * normal
+        else:
+            mean = mean_of_all(rng, sampled.draw_sweeps(rng, theta, 0, channel), size)
+        out[:, :count] -= mean @ (own.change / slope[:, None]).T
     return out.reshape(z.shape)
 
 
@@ -94,15 +111,18 @@ def mean_of_all(rng: np.random.Generator, weights: Floats, size: Floats) -> Floa
     ndarray, shape (W, q)
     """
     count, sweeps, functions = weights.shape
-    root = np.linalg.cholesky(_sums_of_squares(weights, size))
+    root, degrees = np.linalg.cholesky(_sums_of_squares(weights, size)), _degrees_of_freedom(sweeps)
     normal = np.einsum("wij,wj->wi", root, rng.standard_normal((count, functions)))
-    return np.asarray(normal / np.sqrt(sweeps * rng.chisquare(sweeps, count))[:, None])
+    return np.asarray(normal / np.sqrt(sweeps * rng.chisquare(degrees, count))[:, None])
+
+
+def _degrees_of_freedom(sweeps: int) -> float:
+    """Those of the mean over so many sweeps."""
+    return sweeps - 1.0 + SEEN_BEFORE
 
 
 def covariance_of_sweeps(weights: Floats, size: Floats) -> Floats:
     """Expected covariance (q, q) of a new sweep's weights, with which the mean of all sweeps scatters as well.
-
-    Of two sweeps, of which there is no expectation, that of one size.
 
     Parameters
     ----------
@@ -111,17 +131,15 @@ def covariance_of_sweeps(weights: Floats, size: Floats) -> Floats:
     size : ndarray, shape (W,)
         Their standard deviation in all functions together.
     """
-    _, sweeps, functions = weights.shape
-    if sweeps <= 2:
-        return np.asarray(np.mean(size**2) * np.eye(functions))
     apart = weights - weights.mean(axis=1, keepdims=True)
-    return np.asarray(_sums_of_squares(apart, size).mean(axis=0) / (sweeps - 2.0))
+    degrees = _degrees_of_freedom(weights.shape[1])
+    return np.asarray(_sums_of_squares(apart, size).mean(axis=0) / (degrees - 2.0))
 
 
 def _sums_of_squares(weights: Floats, size: Floats) -> Floats:
     """Scale (W, q, q) of the inverse Wishart distribution of the covariance between sweeps."""
-    one_more = size[:, None, None] ** 2 * np.eye(weights.shape[2])
-    return np.asarray(np.swapaxes(weights, 1, 2) @ weights + one_more)
+    seen_before = SEEN_BEFORE * size[:, None, None] ** 2 * np.eye(weights.shape[2])
+    return np.asarray(np.swapaxes(weights, 1, 2) @ weights + seen_before)
 
 
 def _sweep_functions(posterior: Posterior) -> Iterator[tuple[str, SweepFunctions]]:
@@ -130,9 +148,3 @@ def _sweep_functions(posterior: Posterior) -> Iterator[tuple[str, SweepFunctions
         for channel, basis in bases.items():
             if basis.sweep_functions is not None and channel in place.between:
                 yield channel, basis.sweep_functions
-
-
-def _moved(own: SweepFunctions) -> Bools:
-    """Which parameters of the curve sweeps change."""
-    assert own.change is not None
-    return np.asarray(np.any(own.change != 0.0, axis=1))

@@ -11,7 +11,7 @@ from scipy.stats import multivariate_t, t as student_t
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.bands import credible_band
 from sma_bayes.fitting.fit_records import fit_records
-from sma_bayes.fitting.mean_sweep import mean_of_all, of_all_sweeps, of_measured_sweeps
+from sma_bayes.fitting.mean_sweep import covariance_of_sweeps, mean_of_all, of_all_sweeps, of_measured_sweeps
 from sma_bayes.fitting.noise_choice import choose_noise, noise_start, posterior_with
 from sma_bayes.fitting.posterior import Posterior, build_posterior
 from sma_bayes.fitting.warm_start import WarmStart, warm_start
@@ -80,19 +80,22 @@ def test_both_posteriors_are_the_same_where_the_curve_is_nearly_linear() -> None
 
 
 def test_the_mean_over_all_sweeps_is_as_uncertain_as_sweeps_scatter() -> None:
-    """Weights that are exact: Student's t of their mean, one more sweep of the one size among them.
+    """Weights that are exact: Student's t of their mean, three more sweeps of the one size among them.
 
-    Of 40,000 draws with six degrees of freedom a standard deviation is known to 0.5 %, the ends of 90 % to 1 %.
+    Of 40,000 draws with eight degrees of freedom a standard deviation is known to 0.5 %, the ends of 90 % to 1 %.
     """
     rng, count = np.random.default_rng(5), 40_000
     weights = np.array([3.0, 0.1]) * rng.standard_normal((SWEEPS, 2))
     weights -= weights.mean(axis=0)
     drawn = mean_of_all(rng, np.tile(weights, (count, 1, 1)), np.full(count, 0.5))
-    scatter = (weights.T @ weights + 0.25 * np.eye(2)) / SWEEPS**2
-    expected = multivariate_t(np.zeros(2), scatter, df=SWEEPS)
-    assert np.cov(drawn.T) == pytest.approx(scatter * SWEEPS / (SWEEPS - 2.0), rel=0.05, abs=0.01)
+    degrees = SWEEPS + 2.0
+    scatter = (weights.T @ weights + 3.0 * 0.25 * np.eye(2)) / (SWEEPS * degrees)
+    expected = multivariate_t(np.zeros(2), scatter, df=degrees)
+    assert np.cov(drawn.T) == pytest.approx(scatter * degrees / (degrees - 2.0), rel=0.05, abs=0.01)
+    of_new = covariance_of_sweeps(np.tile(weights + 7.0, (10, 1, 1)), np.full(10, 0.5))
+    assert np.cov(drawn.T) == pytest.approx(of_new / SWEEPS, rel=0.05, abs=0.01)
     for k in (0, 1):
-        ends = np.sqrt(expected.shape[k, k]) * student_t.ppf([0.05, 0.95], SWEEPS)
+        ends = np.sqrt(expected.shape[k, k]) * student_t.ppf([0.05, 0.95], degrees)
         assert np.quantile(drawn[:, k], [0.05, 0.95]) == pytest.approx(ends, rel=0.04)
 
 
@@ -114,7 +117,7 @@ def test_sweeps_that_differ_in_their_offset_leave_the_stroke_known() -> None:
     assert own is not None
     size = np.median(fit.flat[:, fit.posterior.layout[0].between["force"]]) / np.sqrt(SWEEPS)
     of_one_size = size * np.linalg.norm(np.diff(own.at(np.array([22.0, 78.0])), axis=0))
-    assert np.std(hot - cold) < 0.7 * of_one_size
+    assert np.std(hot - cold) < 0.85 * of_one_size
 
 
 def test_records_that_share_a_curve_are_left_as_they_are() -> None:
