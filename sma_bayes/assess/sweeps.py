@@ -42,6 +42,8 @@ from sma_bayes.sampling.pareto import RELIABLE, smoothed_weights
 FEWEST_SWEEPS = 3
 REFITS = 4
 """Fits made anew for one record, at most: of the sweeps that the draws can be relied on least without."""
+NO_WEIGHT = 1e-12
+"""Share of all weight from which a draw counts: one that is far out has none, and need not have a finite response."""
 STATISTIC = "left_out_sweeps"
 MEANING = (
     "greatest distance of a sweep from what the others predict, along what parameters of its own would do"
@@ -65,10 +67,6 @@ class LeftOutSweep(DocumentPart):
     spare: int = Field(description="degrees of freedom of its denominator")
     pareto_k: NumberOrNull = Field(description="Pareto k of the weights of the draws [1]")
     refitted: bool = Field(description="whether the others were fitted again")
-
-
-NO_WEIGHT = 1e-12
-"""Share of all weight from which a draw counts: one that is far out has none, and need not have a finite response."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -119,17 +119,19 @@ class Whitened:
 
     def draw_weights(self, rng: np.random.Generator) -> Floats:
         """Weights (W, m) of the rows [unit of the channel] drawn given everything else."""
+        return np.asarray(self.size * self._drawn(rng)[:, : len(self.rows)])
+
+    def _drawn(self, rng: np.random.Generator) -> Floats:
+        """All weights in units of their prior, drawn given everything else."""
         weights = self._system()
-        drawn = self._likeliest(weights) + weights.draw(rng)
-        return np.asarray(self.size * drawn[:, : len(self.rows)])
+        return self._likeliest(weights) + weights.draw(rng)
 
     def draw_weights_of_sweeps(self, rng: np.random.Generator) -> Floats:
         """Weights (W, S, q) of what sweeps have of their own [unit of the channel], drawn given everything else."""
         own, between = self.sweep_functions, self.between
         assert own is not None
         assert between is not None
-        weights = self._system()
-        drawn = (self._likeliest(weights) + weights.draw(rng))[:, len(self.rows) :]
+        drawn = self._drawn(rng)[:, len(self.rows) :]
         return np.asarray(between[:, None, None] * drawn.reshape(len(drawn), len(own.parts), -1))
 
 
