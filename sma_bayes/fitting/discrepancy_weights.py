@@ -20,6 +20,7 @@ from sma_bayes.arrays import Floats
 from sma_bayes.fitting.discrepancy import MEDIAN_SIZE, SIGMA_OF_SIZE
 from sma_bayes.fitting.sweep_functions import SweepFunctions
 from sma_bayes.noise import NoiseModel, Steps
+from sma_bayes.noise.information import Information
 
 GREATEST_INFORMATION = 1e14
 """Information about weights, in units of that of their prior, beyond which a point counts as impossible."""
@@ -74,7 +75,7 @@ class Whitened:
             count = noise.location_information(shape)
             power = np.einsum("mn,mn->m", self.rows, self.rows)
             return _Apart(self, a, inverse, count[:, None] * (self.size * inverse) ** 2 * power)
-        gram = noise.weighted_gram(self.rows, shape, self.steps, inverse)
+        gram = noise.information(shape, self.steps, inverse).gram(self.rows)
         return _Coupled(self, a, inverse, gram * (self.size[:, :, None] * self.size[:, None, :]))
 
     def _likeliest(self, weights: _Weights) -> Floats:
@@ -93,15 +94,24 @@ class Whitened:
 
         Otherwise by Laplace's method with the expected information, at the likeliest weights.
         """
-        noise, shape, steps = self.noise, self.shape, self.steps
+        weights = self._system()
+        return self._density(weights, self._likeliest(weights))
+
+    def marginal_with_likeliest_series(self) -> tuple[Floats, Floats]:
+        """`marginal_log_density` and `likeliest_series`, of one solution."""
         weights = self._system()
         v = self._likeliest(weights)
+        return self._density(weights, v), weights.series(v)
+
+    def _density(self, weights: _Weights, v: Floats) -> Floats:
+        """Log density (W,) with the weights integrated out about the likeliest (W, m)."""
+        noise, shape, steps = self.noise, self.shape, self.steps
         if noise.is_gaussian:
             density = noise.total_log_density(self.e, shape, steps)
-            density = density + 0.5 * np.einsum("wm,wm->w", v, weights.project(weights.a))
+            density = density + 0.5 * _dot(v, weights.project(weights.a))
         else:
             density = noise.total_log_density(self.e - weights.series(v), shape, steps)
-            density = density - 0.5 * np.einsum("wm,wm->w", v, v)
+            density = density - 0.5 * _dot(v, v)
         if self.scale.shape[1] == 1:
             log_scale = self.e.shape[1] * np.log(self.scale[:, 0])
         else:
@@ -151,31 +161,9 @@ def safe_cholesky(information: Floats) -> tuple[Floats, NDArray[np.bool_]]:
         return np.asarray(np.linalg.cholesky(matrix)), usable
 
 
-def summing_to_zero(roots: Floats, across: Floats) -> tuple[Floats, Floats, Floats]:
-    """What it takes to make weights of several groups sum to zero that a priori are independent of unit variance.
-
-    Parameters
-    ----------
-    roots : ndarray, shape (W, S, q, q)
-        Cholesky factors of the precision ``D`` of each group.
-    across : ndarray, shape (W, q, k)
-        Sums over groups.
-
-    Returns
-    -------
-    returned : ndarray, shape (W, S, q, q)
-        ``D**-1 A**-1`` of each group, ``A = sum of D**-1``: its part of a sum that is taken back.
-    half_log_determinant : ndarray, shape (W,)
-        ``ln |A/S|/2``, by which that of the precision grows, relative to that of the prior.
-    multiplier : ndarray, shape (W, q, k)
-        ``A**-1`` times the sums.
-    """
-    half = np.linalg.inv(roots)
-    covariance = np.swapaxes(half, 2, 3) @ half
-    total = covariance.sum(axis=1)
-    returned = np.swapaxes(np.linalg.solve(total[:, None], covariance), 2, 3)
-    half_log_determinant = 0.5 * np.linalg.slogdet(total / roots.shape[1])[1]
-    return returned, half_log_determinant, np.linalg.solve(total, across)
+def _dot(a: Floats, b: Floats) -> Floats:
+    """Inner products (W,) of the rows of two arrays."""
+    return np.asarray(np.einsum("wm,wm->w", a, b))
 
 
 class _Weights:
@@ -273,14 +261,79 @@ class _Coupled(_Weights):
         return self._back(rng.standard_normal(self.root.shape[:2]).T.copy())
 
 
+class WithoutSweeps:
+    """Normal equations from which the weights of what sweeps have of their own are eliminated, sweep by sweep.
+
+    Those of one sweep know of another's through the weights of all samples alone, so that what this costs grows with
+    the number of samples. With ``1 + D``, `B` and `C` the parts of one sweep, between it and all, and of all samples,
+    what is left is ``C - sum of B' (1 + D)**-1 B``. Where weights of sweeps sum to zero, their covariance
+    ``V = (1 + D)**-1`` between two sweeps is ``-V A**-1 V`` and that of one ``V - V A**-1 V``, ``A = sum of V``.
+
+    Parameters
+    ----------
+    information : Information
+        Of the samples, for W values of the noise.
+    rows : ndarray, shape (m, n)
+        Series whose weights stay.
+    own : SweepFunctions
+        What sweeps have of their own: q functions of each of S sweeps.
+    size : ndarray, shape (W,)
+        Standard deviation of their weights a priori.
+
+    Attributes
+    ----------
+    left : ndarray, shape (W, m, m)
+        Information about the weights that stay.
+    inverse_root : ndarray, shape (W, S, q, q)
+        Inverses of the Cholesky factors of ``1 + D``.
+    shares : ndarray, shape (W, S, q, m)
+        Covariance of the sweeps' weights times all `B`.
+    half_log_determinant : ndarray, shape (W,)
+        Of the precision of all sweeps, relative to the prior's; not a number where it can't be factored.
+    """
+
+    def __init__(self, information: Information, rows: Floats, own: SweepFunctions, size: Floats) -> None:
+        q, m, sweeps = len(own.samples), len(rows), len(own.parts)
+        scale = size[:, None, None, None]
+        every = np.concatenate([own.samples, rows])
+        parts = np.stack([information.products(own.samples, every, part) for part in own.parts], axis=1)
+        blocks = (parts[..., :q] * (scale * scale)).reshape(-1, q, q)
+        root, usable = safe_cholesky(blocks)
+        usable = usable.reshape(-1, sweeps)
+        across = np.where(usable[..., None, None], parts[..., q:] * scale, 0.0)
+        self.inverse_root = np.linalg.inv(root).reshape(-1, sweeps, q, q)
+        half = self.inverse_root @ across
+        self.shares = np.swapaxes(self.inverse_root, 2, 3) @ half
+        taken = half.reshape(len(half), sweeps * q, m)
+        self.left = information.gram(rows) - np.swapaxes(taken, 1, 2) @ taken
+        log_determinant = np.log(np.einsum("wqq->wq", root)).reshape(-1, sweeps * q).sum(axis=1)
+        self.half_log_determinant = np.where(usable.all(axis=1), log_determinant, np.nan)
+        self._returned: Floats | None = None
+        if own.sum_to_zero:
+            covariance = np.swapaxes(self.inverse_root, 2, 3) @ self.inverse_root
+            of_sum = covariance.sum(axis=1)
+            self._returned = np.swapaxes(np.linalg.solve(of_sum[:, None], covariance), 2, 3)
+            self.half_log_determinant += 0.5 * np.linalg.slogdet(of_sum / sweeps)[1]
+            sum_of_shares = self.shares.sum(axis=1)
+            self.left += np.swapaxes(sum_of_shares, 1, 2) @ np.linalg.solve(of_sum, sum_of_shares)
+            self.shares = self._less_sum(self.shares)
+
+    def solve(self, right: Floats) -> Floats:
+        """Covariance of the sweeps' weights times columns (W, S, q, k)."""
+        return self._less_sum(np.swapaxes(self.inverse_root, 2, 3) @ (self.inverse_root @ right))
+
+    def draw(self, rng: np.random.Generator) -> Floats:
+        """Weights (W, S, q) of sweeps about their likeliest ones, given all others."""
+        fresh = rng.standard_normal(self.inverse_root.shape[:3])[..., None]
+        return self._less_sum(np.swapaxes(self.inverse_root, 2, 3) @ fresh)[..., 0]
+
+    def _less_sum(self, own: Floats) -> Floats:
+        """Columns (W, S, q, k), less what makes them sum to zero."""
+        return own if self._returned is None else own - self._returned @ own.sum(axis=1)[:, None]
+
+
 class _WithSweeps(_Weights):
-    """Weights of all samples, and of each sweep alone: those of one sweep know of another's through the first alone.
-
-    Weights of sweeps are eliminated sweep by sweep, so that what this costs grows with the number of samples. With
-    `D`, `B` and `C` the parts of ``1 + H`` of one sweep, between sweep and all, and of all, what is left is
-    ``C - sum of B' D**-1 B``.
-
-    Where they sum to zero, that holds with ``D**-1 - D**-1 A**-1 D**-1``, ``A = sum of D**-1``, between sweeps.
+    """Weights of all samples, and of each sweep alone: see `WithoutSweeps`.
 
     Parameters
     ----------
@@ -290,89 +343,52 @@ class _WithSweeps(_Weights):
 
     def __init__(self, whitened: Whitened, a: Floats, inverse: Floats) -> None:
         super().__init__(whitened, a, inverse)
-        own, between = whitened.sweep_functions, whitened.between
+        own, between, size = whitened.sweep_functions, whitened.between, whitened.size
         assert own is not None
         assert between is not None
         self.sweep_functions = own
         self.own_size = between[:, None, None]
-        m, q = len(whitened.rows), len(own.samples)
-        size = np.broadcast_to(whitened.size, (len(a), m))
-        all_sizes = np.concatenate([size, np.repeat(between[:, None], q, axis=1)], axis=1)
-        every = np.concatenate([whitened.rows, own.samples])
-        total = np.zeros((len(a), m, m))
-        roots, shares, usable = [], [], np.ones(len(a), dtype=bool)
-        for part in own.parts:
-            gram = self._gram(every[:, part], part) * (all_sizes[:, :, None] * all_sizes[:, None, :])
-            root, fine = safe_cholesky(gram[:, m:, m:])
-            across = np.where(fine[:, None, None], gram[:, m:, :m], 0.0)
-            half = np.linalg.solve(root, across)
-            total += gram[:, :m, :m] - np.swapaxes(half, 1, 2) @ half
-            roots.append(root)
-            shares.append(np.linalg.solve(np.swapaxes(root, 1, 2), half))
-            usable &= fine
-        self.roots, self.shares = np.stack(roots, axis=1), np.stack(shares, axis=1)
-        self.unusable = np.where(usable, 0.0, np.nan)
-        self.returned: Floats | None = None
-        self.half_log_of_sum = np.zeros(len(a))
-        if own.sum_to_zero:
-            sum_of_shares = self.shares.sum(axis=1)
-            self.returned, self.half_log_of_sum, multiplier = summing_to_zero(self.roots, sum_of_shares)
-            total += np.swapaxes(sum_of_shares, 1, 2) @ multiplier
-            self.shares = self._less_sum(self.shares, sum_of_shares)
-        self.common = _Coupled(whitened, a, inverse, total)
-
-    def _less_sum(self, own: Floats, total: Floats) -> Floats:
-        """What sweeps have of their own (W, S, q, k), less what makes it sum to zero; its sum is (W, q, k)."""
-        return own if self.returned is None else own - self.returned @ total[:, None]
-
-    def _gram(self, rows: Floats, part: slice) -> Floats:
-        """Information (W, m + q, m + q) of the samples of one sweep about weights of rows."""
-        w = self.whitened
-        inverse = self.inverse if self.inverse.shape[1] == 1 else self.inverse[:, part]
-        return w.noise.weighted_gram(rows, w.shape, w.steps.part(part), inverse)
+        information = whitened.noise.information(whitened.shape, whitened.steps, inverse)
+        self.sweeps = WithoutSweeps(information, whitened.rows, own, between)
+        self.shares = self.sweeps.shares * size[:, None, None, :]
+        self.common = _Coupled(whitened, a, inverse, self.sweeps.left * (size[:, :, None] * size[:, None, :]))
 
     def _apart(self, v: Floats) -> tuple[Floats, Floats]:
         """Weights of all samples (W, m), and of the sweeps (W, S, q)."""
         m = len(self.whitened.rows)
-        return v[:, :m], v[:, m:].reshape(len(v), *self.roots.shape[1:3])
+        return v[:, :m], v[:, m:].reshape(len(v), *self.shares.shape[1:3])
 
     def project(self, innovation: Floats) -> Floats:
         w = self.whitened
         back = w.noise.decorrelate_adjoint(innovation, w.shape, w.steps) * self.inverse
-        starts = [part.start for part in self.sweep_functions.parts]
-        of_sweeps = (
-            np.add.reduceat(back[:, None, :] * self.sweep_functions.samples, starts, axis=2) * self.own_size
-        )
-        joined = np.swapaxes(of_sweeps, 1, 2).reshape(len(back), -1)
+        samples = self.sweep_functions.samples.T
+        of_sweeps = np.stack([back[:, part] @ samples[part] for part in self.sweep_functions.parts], axis=1)
+        joined = (of_sweeps * self.own_size).reshape(len(back), -1)
         return np.concatenate([(back @ w.rows.T) * w.size, joined], axis=1)
 
     def series(self, v: Floats) -> Floats:
         common, own = self._apart(v)
-        of_sweeps = np.einsum(
-            "wnq,qn->wn", (own * self.own_size)[:, self.sweep_functions.sweep], self.sweep_functions.samples
-        )
-        return np.asarray(((common * self.whitened.size) @ self.whitened.rows + of_sweeps) * self.inverse)
+        found, samples = (common * self.whitened.size) @ self.whitened.rows, self.sweep_functions.samples
+        own = own * self.own_size
+        for sweep, part in enumerate(self.sweep_functions.parts):
+            found[:, part] += own[:, sweep] @ samples[:, part]
+        return np.asarray(found * self.inverse)
 
     def solve(self, right: Floats) -> Floats:
         of_all, of_sweeps = self._apart(right)
-        held = of_sweeps[..., None]
-        held = np.asarray(np.linalg.solve(np.swapaxes(self.roots, 2, 3), np.linalg.solve(self.roots, held)))
-        held = self._less_sum(held, held.sum(axis=1))[..., 0]
-        common = self.common.solve(of_all - np.einsum("wsqm,wsq->wm", self.shares, of_sweeps))
-        own = held - np.einsum("wsqm,wm->wsq", self.shares, common)
-        return np.concatenate([common, own.reshape(len(own), -1)], axis=1)
+        held = self.sweeps.solve(of_sweeps[..., None])[..., 0]
+        shares = self.shares.reshape(len(right), of_sweeps[0].size, of_all.shape[1])
+        pull = (np.swapaxes(shares, 1, 2) @ of_sweeps.reshape(len(right), -1, 1))[..., 0]
+        common = self.common.solve(of_all - pull)
+        own = held.reshape(len(right), -1) - (shares @ common[..., None])[..., 0]
+        return np.concatenate([common, own], axis=1)
 
     def half_log_determinant(self) -> Floats:
-        of_sweeps = np.log(np.einsum("wsqq->wsq", self.roots)).sum(axis=(1, 2))
-        return np.asarray(
-            self.common.half_log_determinant() + of_sweeps + self.half_log_of_sum + self.unusable
-        )
+        return np.asarray(self.common.half_log_determinant() + self.sweeps.half_log_determinant)
 
     def draw(self, rng: np.random.Generator) -> Floats:
         common = self.common.draw(rng)
-        fresh = rng.standard_normal(self.roots.shape[:3])[..., None]
-        own = np.asarray(np.linalg.solve(np.swapaxes(self.roots, 2, 3), fresh))
-        own = self._less_sum(own, own.sum(axis=1))[..., 0]
+        own = self.sweeps.draw(rng)
         own = own - np.einsum("wsqm,wm->wsq", self.shares, common)
         return np.concatenate([common, own.reshape(len(own), -1)], axis=1)
 

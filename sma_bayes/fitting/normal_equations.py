@@ -10,12 +10,12 @@ A discrepancy beside the curve is integrated out: what the samples tell of its w
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from sma_bayes.arrays import Bools, Floats, Ints
-from sma_bayes.fitting.discrepancy_weights import safe_cholesky, summing_to_zero
+from sma_bayes.fitting.discrepancy_weights import WithoutSweeps, safe_cholesky
 from sma_bayes.fitting.posterior import Posterior
 from sma_bayes.fitting.sweep_functions import SweepFunctions
 from sma_bayes.noise import Steps
@@ -94,7 +94,7 @@ class NormalEquations:
                 shape = self.posterior.noise.shape_of(theta[:, at])
                 basis = self.bases[record].get(channel)
                 if basis is None:
-                    gram = self.posterior.noise.weighted_gram(rows, shape, steps)
+                    gram = self.posterior.noise.information(shape, steps).gram(rows)
                 elif channel in place.between:
                     sizes = (theta[:, places[channel]] for places in (place.size, place.between))
                     ratios = (per_variance * size**2 for size in sizes)
@@ -122,24 +122,13 @@ class NormalEquations:
         of_sweeps: Floats,
     ) -> tuple[Floats, Floats]:
         """The same as `_without_weights` where each sweep has something of its own, of another ratio (W,)."""
-        every, kept = np.concatenate([rows, basis]), len(rows) + len(basis) - len(own.samples)
-        total, log_volume = np.zeros((len(shape), kept, kept)), np.zeros(len(shape))
-        roots, shares = [], []
-        for part in own.parts:
-            gram = self.posterior.noise.weighted_gram(every[:, part], shape, steps.part(part))
-            left, volume, root, half = _eliminated_by(gram, kept, of_sweeps)
-            total += left
-            log_volume += volume
-            if own.sum_to_zero:
-                roots.append(root)
-                shares.append(np.linalg.solve(np.swapaxes(root, 1, 2), half))
-        if own.sum_to_zero:
-            across = np.sum(shares, axis=0)
-            _, volume, multiplier = summing_to_zero(np.stack(roots, axis=1), across)
-            total += np.swapaxes(across, 1, 2) @ multiplier
-            log_volume += volume
-        gram, volume = _eliminated(total, len(rows), ratio)
-        return gram, log_volume + volume
+        among, apart = np.split(basis, [len(basis) - len(own.samples)])
+        information = self.posterior.noise.information(shape, steps)
+        sweeps = WithoutSweeps(
+            information, np.concatenate([rows, among]), replace(own, samples=apart), np.sqrt(of_sweeps)
+        )
+        gram, volume = _eliminated(sweeps.left, len(rows), ratio)
+        return gram, sweeps.half_log_determinant + volume
 
     def _without_weights(
         self, rows: Floats, basis: Floats, shape: Floats, steps: Steps, ratio: Floats
@@ -147,7 +136,7 @@ class NormalEquations:
         """Inner products (W, m + 1, m + 1) of rows with the weights of a basis integrated out; see `_eliminated`."""
         noise = self.posterior.noise
         if noise.autocorrelated:
-            gram = noise.weighted_gram(np.concatenate([rows, basis]), shape, steps)
+            gram = noise.information(shape, steps).gram(np.concatenate([rows, basis]))
             return _eliminated(gram, len(rows), ratio)
         # without memory one set of axes serves all values of the noise
         power, axes = np.linalg.eigh(basis @ basis.T)
@@ -176,19 +165,13 @@ def _eliminated(gram: Floats, kept: int, ratio: Floats) -> tuple[Floats, Floats]
     half_log_determinant : ndarray, shape (W,)
         Of ``1 + ratio * gram`` of the last rows.
     """
-    return _eliminated_by(gram, kept, ratio)[:2]
-
-
-def _eliminated_by(gram: Floats, kept: int, ratio: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-    """The same, with the Cholesky factor (W, k, k) of the last rows, and their products with the first over it."""
     first, across, last = gram[:, :kept, :kept], gram[:, kept:, :kept], gram[:, kept:, kept:]
     with np.errstate(invalid="ignore"):
         factor, usable = safe_cholesky(ratio[:, None, None] * last)
     root = np.sqrt(np.where(usable, ratio, 0.0))[:, None, None]
-    shared = np.asarray(np.linalg.solve(factor, root * across))
+    shared = np.linalg.solve(factor, root * across)
     log_volume = np.log(np.einsum("wkk->wk", factor)).sum(axis=1)
-    left = np.asarray(first - np.swapaxes(shared, 1, 2) @ shared)
-    return left, np.where(usable, log_volume, np.nan), factor, shared
+    return first - np.swapaxes(shared, 1, 2) @ shared, np.where(usable, log_volume, np.nan)
 
 
 # There are thousands of small systems. A loop over their rows, each step for all systems at once, is several times

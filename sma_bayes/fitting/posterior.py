@@ -698,9 +698,9 @@ class Posterior:
             sweep = Whitened(
                 self.noise, shape, steps, e[:, part], scale[:, part], *nothing, own.part(part), size
             )
-            left = e[:, part] - sweep.likeliest_series()
-            each = self.noise.log_density(left, shape, steps) - np.log(scale[:, part])
-            shared = (sweep.marginal_log_density() - each.sum(axis=1)) / n
+            together, of_sweep = sweep.marginal_with_likeliest_series()
+            each = self.noise.log_density(e[:, part] - of_sweep, shape, steps) - np.log(scale[:, part])
+            shared = (together - each.sum(axis=1)) / n
             density[:, part] = each + shared[:, None]
         return density
 

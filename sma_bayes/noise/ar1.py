@@ -8,7 +8,8 @@ from dataclasses import dataclass
 import numpy as np
 
 from sma_bayes.arrays import Floats
-from sma_bayes.noise.base import NoiseModel, Steps, pair_products, sd_fact, symmetric
+from sma_bayes.noise.base import NoiseModel, Steps, sd_fact
+from sma_bayes.noise.information import EachSample, Information, KindsOfSample, is_even, squared
 from sma_bayes.normal import HALF_LN_2PI
 from sma_bayes.parameters.space import QUANTITY, ParameterSpec
 
@@ -100,26 +101,17 @@ class MemoryNoise(NoiseModel):
     def correlate(self, innovation: Floats, shape: Floats, steps: Steps) -> Floats:
         return memory_series(innovation, self.phi(shape, steps))
 
-    def weighted_gram(
-        self, rows: Floats, shape: Floats, steps: Steps, inverse: Floats | None = None
-    ) -> Floats:
-        if inverse is not None and inverse.shape[1] == 1:
-            return super().weighted_gram(rows, shape, steps, inverse)
-        # products of each sample with itself and with the one before serve all memories and scales
+    def information(self, shape: Floats, steps: Steps, inverse: Floats | None = None) -> Information:
         phi = self.phi(shape, steps)
         with np.errstate(divide="ignore", invalid="ignore"):
             own = 1.0 / (1.0 - phi * phi)
             cross = phi * own
             own[..., :-1] += (phi * cross)[..., 1:]
-        if inverse is not None:
-            own *= inverse * inverse
-            cross[..., 1:] *= inverse[..., 1:] * inverse[..., :-1]
-        before = np.concatenate([np.zeros((len(rows), 1)), rows[:, :-1]], axis=1)
-        now, with_before = (
-            pair_products(rows, rows),
-            pair_products(rows, before) + pair_products(before, rows),
-        )
-        return symmetric(np.hstack([own, -cross]) @ np.hstack([now, with_before]).T, len(rows))
+        if is_even(inverse):
+            return EachSample(own, -cross).scaled(squared(inverse, len(shape)))
+        assert inverse is not None
+        cross[..., 1:] *= inverse[..., 1:] * inverse[..., :-1]
+        return EachSample(own * inverse * inverse, -cross)
 
     def draw(self, rng: np.random.Generator, shape: Floats, steps: Steps) -> Floats:
         phi = self.phi(shape, steps)
@@ -181,20 +173,16 @@ class AR1(MemoryNoise):
             value = -0.5 * quadratic - 0.5 * m * np.log(variance) - n * HALF_LN_2PI
         return np.where(variance > 0.0, value, -np.inf)
 
-    def weighted_gram(
-        self, rows: Floats, shape: Floats, steps: Steps, inverse: Floats | None = None
-    ) -> Floats:
-        if inverse is not None:
-            return super().weighted_gram(rows, shape, steps, inverse)
+    def information(self, shape: Floats, steps: Steps, inverse: Floats | None = None) -> Information:
+        if not is_even(inverse):
+            return super().information(shape, steps, inverse)
         phi = shape[:, 0]
         variance = np.maximum(1.0 - phi * phi, 1e-300)
-        first, after = rows[:, steps.first], np.flatnonzero(~steps.first)
-        now, before = rows[:, after], rows[:, after - 1]
-        cross = now @ before.T
-        products = np.stack([first @ first.T, now @ now.T, cross + cross.T, before @ before.T])
-        weights = np.stack([np.ones(len(phi)), 1.0 / variance, -phi / variance, phi * phi / variance])
-        # who asks wants one entry of all matrices together
-        return np.moveaxis(np.tensordot(products, weights, axes=(0, 0)), -1, 0)
+        has_next = np.append(~steps.first[1:], False)
+        kinds = np.stack([steps.first, ~steps.first, has_next]).astype(float)
+        own = np.stack([np.ones(len(phi)), 1.0 / variance, phi * phi / variance], axis=1)
+        found = KindsOfSample(own, kinds, -phi / variance, kinds[1])
+        return found.scaled(squared(inverse, len(phi)))
 
     def shape_candidates(self, steps: Steps) -> Floats:
         return np.tanh(np.linspace(-1.0, 4.0, 201))[:, None]

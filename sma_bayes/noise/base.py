@@ -10,6 +10,7 @@ from numpy.typing import NDArray
 from scipy.special import ndtri
 
 from sma_bayes.arrays import Floats
+from sma_bayes.noise.information import Information, OfDecorrelated, of_independent_samples
 from sma_bayes.parameters.space import QUANTITY, ParameterSpec
 from sma_bayes.records.types import Record
 
@@ -227,34 +228,26 @@ class NoiseModel(ABC):
         low, high = (np.take_along_axis(quantile, cell + i, axis=-1) for i in (0, 1))
         return np.asarray(low + (position - cell) * (high - low))
 
-    def weighted_gram(
-        self, rows: Floats, shape: Floats, steps: Steps, inverse: Floats | None = None
-    ) -> Floats:
-        """Inner products of series, weighted by the information that noise leaves.
+    def information(self, shape: Floats, steps: Steps, inverse: Floats | None = None) -> Information:
+        """What samples tell of series along them.
 
         Parameters
         ----------
-        rows : ndarray, shape (m, n)
-            Series along the samples.
         shape : ndarray, shape (W, k)
+        steps : Steps
         inverse : ndarray, shape (W, n) or (W, 1), optional
             One over the standard deviation of the noise; 1 by default.
-
-        Returns
-        -------
-        ndarray, shape (W, m, m)
-            ``rows @ inv(R) @ rows.T`` for Gaussian noise of covariance R; its expectation under the noise's own
-            density otherwise.
         """
-        if inverse is not None and inverse.shape[1] == 1:
-            return self.weighted_gram(rows, shape, steps) * inverse[:, :, None] ** 2
-        information = self.location_information(shape)[:, None, None]
+        of_one = self.location_information(shape)
         if not self.autocorrelated:
-            products = rows @ rows.T if inverse is None else weighted_products(inverse**2, rows)
-            return np.asarray(information * products)
-        scaled = rows if inverse is None else rows * inverse[:, None, :]
-        white = self.decorrelate(np.broadcast_to(scaled, (len(shape), *rows.shape)), shape[:, None, :], steps)
-        return np.asarray(information * (white @ np.swapaxes(white, 1, 2)))
+            return of_independent_samples(steps.first.size, of_one, inverse)
+        scale = np.ones((len(shape), 1)) if inverse is None else inverse
+
+        def white(rows: Floats) -> Floats:
+            each = np.broadcast_to(rows, (len(shape), *rows.shape[1:]))
+            return self.decorrelate(each, shape[:, None, :], steps)
+
+        return OfDecorrelated(white, scale, of_one)
 
     def shape_candidates(self, steps: Steps) -> Floats:
         """Values (c, k) of the parameters after ``sd``, plausible for such steps, from which `estimate` chooses."""
@@ -342,25 +335,6 @@ class OfSeries(NoiseModel):
 
     def correlate(self, innovation: Floats, shape: Floats, steps: Steps) -> Floats:
         return self.series.correlate(innovation, shape, steps)
-
-
-def weighted_products(weight: Floats, rows: Floats) -> Floats:
-    """Sums over samples of weights (W, n) times products of rows (m, n), the same for all weights; shape (W, m, m)."""
-    return symmetric(weight @ pair_products(rows, rows).T, len(rows))
-
-
-def pair_products(a: Floats, b: Floats) -> Floats:
-    """Products ``a[i] b[j]`` of the rows of two arrays (m, n) with ``i <= j``, shape (m(m + 1)/2, n)."""
-    i, j = np.triu_indices(len(a))
-    return np.asarray(a[i] * b[j])
-
-
-def symmetric(upper: Floats, m: int) -> Floats:
-    """Symmetric matrices (W, m, m) of their upper triangles (W, m(m + 1)/2), row by row."""
-    i, j = np.triu_indices(m)
-    place = np.empty((m, m), dtype=np.intp)
-    place[i, j] = place[j, i] = np.arange(i.size)
-    return np.take(upper, place.ravel(), axis=1).reshape(-1, m, m)
 
 
 def lag1(residual: Floats, first: NDArray[np.bool_]) -> Floats:

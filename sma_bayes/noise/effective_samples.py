@@ -29,7 +29,8 @@ from scipy.fft import irfft, next_fast_len, rfft
 
 from sma_bayes.arrays import Floats
 from sma_bayes.noise.ar1 import MemoryNoise
-from sma_bayes.noise.base import Steps, sd_fact, weighted_products
+from sma_bayes.noise.base import Steps, sd_fact
+from sma_bayes.noise.information import Information, of_independent_samples
 from sma_bayes.normal import HALF_LN_2PI
 from sma_bayes.parameters.space import QUANTITY, ParameterSpec
 
@@ -71,13 +72,8 @@ class EffectiveSamples(MemoryNoise):
     def total_log_density(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
         return np.asarray(-0.5 * np.einsum("...i,...i->...", e, e) - HALF_LN_2PI * e.shape[-1])
 
-    def weighted_gram(
-        self, rows: Floats, shape: Floats, steps: Steps, inverse: Floats | None = None
-    ) -> Floats:
-        if inverse is not None and inverse.shape[1] == 1:
-            return super().weighted_gram(rows, shape, steps, inverse)
-        products = rows @ rows.T if inverse is None else weighted_products(inverse**2, rows)
-        return np.asarray(products / shape[:, 0, None, None])
+    def information(self, shape: Floats, steps: Steps, inverse: Floats | None = None) -> Information:
+        return of_independent_samples(steps.first.size, 1.0 / shape[:, 0], inverse)
 
     def estimate(self, residual: Floats, steps: Steps) -> Floats:
         return np.array([np.sqrt(np.mean(residual**2)), memory_of(residual, steps)])

@@ -14,6 +14,7 @@ import numpy as np
 
 from sma_bayes.arrays import Floats
 from sma_bayes.noise.base import NoiseModel, OfSeries, Steps
+from sma_bayes.noise.information import Information
 from sma_bayes.parameters.space import QUANTITY, ParameterSpec
 
 FURTHEST = 1.5
@@ -83,10 +84,8 @@ class Wrapped(OfSeries):
     def innovations(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
         return self.series.innovations(e, shape, steps)
 
-    def weighted_gram(
-        self, rows: Floats, shape: Floats, steps: Steps, inverse: Floats | None = None
-    ) -> Floats:
-        return self.series.weighted_gram(rows, shape, steps, inverse)
+    def information(self, shape: Floats, steps: Steps, inverse: Floats | None = None) -> Information:
+        return self.series.information(shape, steps, inverse)
 
     def shape_candidates(self, steps: Steps) -> Floats:
         return self.series.shape_candidates(steps)

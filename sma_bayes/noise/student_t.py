@@ -14,6 +14,7 @@ from scipy.special import gammaln, ndtri, stdtr
 from sma_bayes.arrays import Floats
 from sma_bayes.noise.base import NoiseModel, OfSeries, Steps
 from sma_bayes.noise.independent import Independent
+from sma_bayes.noise.information import Information
 from sma_bayes.normal import HALF_LN_2PI
 from sma_bayes.parameters.space import QUANTITY, ParameterSpec
 
@@ -90,11 +91,8 @@ class StudentTNoise(OfSeries):
         a = self.decorrelate(e, shape, steps)
         return np.asarray(-np.sign(a) * ndtri(stdtr(self._nu(shape), -np.abs(a))))
 
-    def weighted_gram(
-        self, rows: Floats, shape: Floats, steps: Steps, inverse: Floats | None = None
-    ) -> Floats:
-        gram = self.series.weighted_gram(rows, shape, steps, inverse)
-        return np.asarray(self.location_information(shape)[:, None, None] * gram)
+    def information(self, shape: Floats, steps: Steps, inverse: Floats | None = None) -> Information:
+        return self.series.information(shape, steps, inverse).scaled(self.location_information(shape))
 
     def estimate(self, residual: Floats, steps: Steps) -> Floats:
         first = self.series.estimate(residual, steps)  # the memory is told nearly as well with light tails

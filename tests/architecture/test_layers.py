@@ -33,7 +33,7 @@ SUPPORTING = {
         "phase_lines",
     },
     "sma_bayes.effects": {"types", "needs", "transformation", "memory", "stress", "scatter"},
-    "sma_bayes.noise": {"base", "heteroscedastic"},
+    "sma_bayes.noise": {"base", "heteroscedastic", "information"},
     "sma_bayes.records.formats": {"layout", "numbers", "table"},
 }
 """Folders that hold one idea a file, and their few files that are no entry: what several entries share."""

@@ -381,7 +381,7 @@ def test_the_gram_matrix_is_that_of_the_dense_inverse(noise: NoiseModel, shape: 
     steps = steps_of(25, (0, 10, 11))
     rows = np.random.default_rng(10).standard_normal((4, 25))
     dense = rows @ np.linalg.inv(correlation(noise, shape, steps)) @ rows.T
-    found = noise.weighted_gram(rows, np.tile(shape, (3, 1)), steps)
+    found = noise.information(np.tile(shape, (3, 1)), steps).gram(rows)
     assert found.shape == (3, 4, 4)
     for each in found:
         np.testing.assert_allclose(each, dense, rtol=1e-8, atol=1e-8 * np.abs(dense).max())
@@ -396,9 +396,33 @@ def test_the_gram_matrix_knows_of_the_standard_deviation_of_each_sample(
     rows = np.random.default_rng(10).standard_normal((4, 25))
     covariance = correlation(noise, shape, steps) * np.multiply.outer(np.ones(25) * sd, np.ones(25) * sd)
     dense = rows @ np.linalg.inv(covariance) @ rows.T
-    found = noise.weighted_gram(rows, np.tile(shape, (3, 1)), steps, np.tile(1.0 / sd, (3, 1)))
+    found = noise.information(np.tile(shape, (3, 1)), steps, np.tile(1.0 / sd, (3, 1))).gram(rows)
     for each in found:
         np.testing.assert_allclose(each, dense, rtol=1e-8, atol=1e-8 * np.abs(dense).max())
+
+
+@cases()
+@pytest.mark.parametrize("even", [True, False], ids=["even", "uneven"])
+def test_information_about_series_is_the_sum_over_sweeps(
+    noise: NoiseModel, shape: np.ndarray, even: bool
+) -> None:
+    rng, shapes = np.random.default_rng(12), np.tile(shape, (3, 1))
+    steps = steps_of(25, (0, 10, 11))
+    rows, others = rng.standard_normal((4, 25)), rng.standard_normal((2, 25))
+    inverse = rng.uniform(0.5, 2.0, (3, 1 if even else 25))
+    information = noise.information(shapes, steps, inverse)
+    whole = information.products(rows, others)
+    assert whole.shape == (3, 4, 2)
+    parts = [information.products(rows, others, s) for s in (slice(0, 10), slice(10, 11), slice(11, 25))]
+    np.testing.assert_allclose(sum(parts), whole, rtol=1e-9, atol=1e-9 * np.abs(whole).max())
+    joined = information.gram(np.concatenate([rows, others]))
+    np.testing.assert_allclose(joined[:, :4, 4:], whole, rtol=1e-9, atol=1e-9 * np.abs(whole).max())
+    alone = noise.information(shapes, steps.part(slice(11, 25)), inverse if even else inverse[:, 11:])
+    np.testing.assert_allclose(
+        alone.products(rows[:, 11:], others[:, 11:]), parts[2], rtol=1e-9, atol=1e-9 * np.abs(whole).max()
+    )
+    twice = information.scaled(np.array([1.0, 2.0, 3.0])).products(rows, others)
+    np.testing.assert_allclose(twice, np.array([1.0, 2.0, 3.0])[:, None, None] * whole, rtol=1e-12)
 
 
 @cases(HEAVY)
@@ -413,7 +437,7 @@ def test_the_gram_matrix_of_heavy_tails_is_the_expected_information(
     for row in (np.ones(6), np.array([1.0, -1.0, 0.5, 0.0, 2.0, -1.0])):
         up, down = (noise.total_log_density(e + s * h * row, shapes, steps) for s in (1, -1))
         score = (up - down) / (2 * h)
-        expected = float(noise.weighted_gram(row[None], shape[None], steps)[0, 0, 0])
+        expected = float(noise.information(shape[None], steps).gram(row[None])[0, 0, 0])
         assert np.mean(score**2) == pytest.approx(expected, rel=0.03)
 
 
@@ -461,7 +485,7 @@ def test_effective_samples_are_a_share_of_the_independent_likelihood() -> None:
     noise, shape = NOISE_MODELS["effective_samples"], np.array([4.0])
     rows = np.random.default_rng(0).standard_normal((3, 20))
     np.testing.assert_array_equal(noise.likelihood_weight(np.tile(shape, (2, 1))), [0.25, 0.25])
-    gram = noise.weighted_gram(rows, shape[None], steps_of(20))[0]
+    gram = noise.information(shape[None], steps_of(20)).gram(rows)[0]
     np.testing.assert_allclose(gram, rows @ rows.T / 4.0, rtol=1e-13)
     independent = NOISE_MODELS["independent"].log_density(rows, np.empty(0), steps_of(20))
     np.testing.assert_array_equal(noise.log_density(rows, shape, steps_of(20)), independent)

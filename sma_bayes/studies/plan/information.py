@@ -239,7 +239,7 @@ class Knowledge:
                 own[: self.count] = (slopes[channel][k][:, posterior.sampled_model] * chain[k]).T
                 scale = theta[k, place.noise[channel][0]] * relative[k][channel]
                 whole = np.concatenate([own * self.sd[:, None], apart]) / scale
-                gram = noise.weighted_gram(np.nan_to_num(whole), shape[k : k + 1], steps)[0]
+                gram = noise.information(shape[k : k + 1], steps).gram(np.nan_to_num(whole))[0]
                 total[k] += beside_scatter(gram, dimension)
         return np.asarray(self.root.T @ total @ self.root)
 

@@ -61,7 +61,7 @@ def test_it_is_the_solution_of_the_normal_equations(
     for w in range(30):
         precision, pull, total = equations.precision.copy(), equations.pull.copy(), 0.0
         for rows, at, steps in equations.channels():
-            gram = posterior.noise.weighted_gram(rows, theta[w : w + 1, at[1:]], steps)[0]
+            gram = posterior.noise.information(theta[w : w + 1, at[1:]], steps).gram(rows)[0]
             gram = gram / theta[w, at[0]] ** 2
             precision += gram[:m, :m]
             pull += gram[m, :m]
