@@ -47,6 +47,10 @@ AWAY: Final = (11.0, 23.0, 35.0)
 """Distances of the number of a stretch from its samples that are tried, the first that suits is taken [points]."""
 ALONG: Final = (0.5, 0.35, 0.65, 0.2, 0.8)
 """Places along the stretch that are tried [share of its samples]."""
+LETTER: Final = 0.092
+"""Width of a letter of a title [inch]."""
+RIM: Final = 0.22
+"""Room above and below the residuals of a loop, for the numbers of its stretches [share of their range]."""
 APART: Final = 14.0
 """Distance of the centres of two numbers from which on they do not touch [points]."""
 RADIUS: Final = 8.0
@@ -213,7 +217,7 @@ def disagreement_loops(study: StoredStudy) -> Drawing:
     for (upper, lower), (condition, channel) in zip(pairs, places, strict=False):
         _loop(upper, study, condition, channel)
         _strip(lower, study, condition, channel)
-        upper.set_title(abridged(condition, 36))
+        upper.set_title(_loop_title(study, places, condition, channel, int(wide / LETTER)))
         upper.set_xlabel(f"temperature T [{unit_label(study.part.units['temperature'])}]", labelpad=1.0)
     for pair in pairs[len(places) :]:
         for ax in pair:
@@ -251,6 +255,15 @@ def disagreement_loops(study: StoredStudy) -> Drawing:
     )  # fmt: skip
 
 
+def _loop_title(
+    study: StoredStudy, places: Sequence[tuple[str, str]], condition: str, channel: str, room: int
+) -> str:
+    """Condition of a loop, and its channel where the loops are of several; at most `room` letters."""
+    several = len({c for _, c in places}) > 1
+    what = f": {study.part.channels[channel].name}" if several else ""
+    return f"{abridged(condition, room - len(what))}{what}"
+
+
 def stretch_style(side: str) -> dict[str, Any]:
     """How what lies behind the samples of a disagreement is drawn."""
     return {"color": PALE[side]}
@@ -280,7 +293,8 @@ def _loop(ax: Axes, study: StoredStudy, condition: str, channel: str) -> None:
     ax.margins(x=0.04, y=0.08)
     power = take_power(ax.yaxis)
     ax.set_ylabel(f"{facts.name} {facts.symbol} [{in_units_of(power, facts.unit)}]")
-    _number(ax, marked, np.column_stack([some["temperature"], some["measured"]]))
+    seen = np.concatenate([some["temperature"]] * 2), np.concatenate([some["measured"], some["before"]])
+    _number(ax, marked, np.column_stack(seen))
 
 
 def _strip(ax: Axes, study: StoredStudy, condition: str, channel: str) -> None:
@@ -311,6 +325,7 @@ def _strip(ax: Axes, study: StoredStudy, condition: str, channel: str) -> None:
         left = (some["measured"] - some["before"])[mine]
         ax.scatter(x[mine], left, s=3, color=colour, alpha=0.7, linewidths=0, rasterized=True)
     ax.axhline(0.0, color=INK, lw=0.5)
+    ax.margins(y=RIM)
     facts = study.part.channels[channel]
     power = take_power(ax.yaxis)
     ax.set_ylabel(f"residual [{in_units_of(power, facts.unit)}]", fontsize=6.5)
@@ -334,32 +349,51 @@ def stretch(some: Samples, d: StatedDisagreement) -> Mask:
 
 
 def _number(ax: Axes, marked: Sequence[tuple[str, StatedDisagreement, Samples]], points: Floats) -> None:
-    """Numbers beside the stretches of a loop: over those of cooling, under those of heating, on no point (n, 2)."""
+    """Numbers beside the stretches of a loop, within its panel and on no point (n, 2).
+
+    Over the stretches of cooling and under those of heating, unless that room is taken.
+    """
     taken: list[Floats] = []
     pixels = ax.figure.dpi / 72.0
     drawn = ax.transData.transform(points) / pixels
+    frame = ax.get_window_extent().get_points() / pixels
     for number, d, inside in marked:
         if not inside.n:
             continue
         order = np.argsort(inside["temperature"], kind="stable")
         side = 1.0 if d.branch == "cooling" else -1.0
-        places = [(int(order[int(share * (inside.n - 1))]), away) for away in AWAY for share in ALONG]
+        places = [
+            (int(order[int(share * (inside.n - 1))]), way * away)
+            for way in (side, -side)
+            for away in AWAY
+            for share in ALONG
+        ]
         at = np.column_stack([inside["temperature"], inside["measured"]])
         there = ax.transData.transform(at) / pixels
-        centres = [there[sample] + [0.0, side * away] for sample, away in places]
-        best = int(np.argmax([_clear(c, taken, APART) + _clear(c, drawn, RADIUS) for c in centres]))
+        centres = [there[sample] + [0.0, away] for sample, away in places]
+        best = int(
+            np.argmax(
+                [_clear(c, taken, APART) + _clear(c, drawn, RADIUS) + _within(c, frame) for c in centres]
+            )
+        )
         taken.append(centres[best])
         sample, away = places[best]
         ax.annotate(
-            number, at[sample], xytext=(0, side * away), textcoords="offset points", ha="center", va="center",
+            number, at[sample], xytext=(0, away), textcoords="offset points", ha="center", va="center",
             fontsize=7, fontweight="bold", color=INK, zorder=7, annotation_clip=False,
             bbox={"boxstyle": "circle,pad=0.22", "facecolor": "white", "edgecolor": MARKS[d.side], "linewidth": 1.0},
+            arrowprops={"arrowstyle": "-", "color": MARKS[d.side], "linewidth": 1.0, "shrinkB": 0.0},
         )  # fmt: skip
 
 
 def _clear(place: Floats, others: Sequence[Floats] | Floats, enough: float) -> float:
     """Distance to the nearest of what is there already, as a share of the one that is enough; at most 1."""
     return float(min([enough, *np.hypot(*(np.reshape(others, (-1, 2)) - place).T)]) / enough)
+
+
+def _within(place: Floats, frame: Floats) -> float:
+    """Distance to the nearest edge of a panel, as a share of the radius of a number; at most 1, negative outside."""
+    return float(min(RADIUS, *(place - frame[0]), *(frame[1] - place)) / RADIUS)
 
 
 def _loop_data(study: StoredStudy, places: Sequence[tuple[str, str]]) -> dict[str, Any]:

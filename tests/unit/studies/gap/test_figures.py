@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
+
 import numpy as np
 import pytest
 from matplotlib.colors import to_rgb
@@ -53,6 +55,68 @@ def test_the_number_of_a_stretch_covers_no_measured_point() -> None:
     ax.figure.draw_without_rendering()
     box = ax.texts[0].get_bbox_patch().get_window_extent()
     assert box.count_contains(ax.transData.transform(points)) == 0
+
+
+def test_the_number_of_a_stretch_lies_within_its_panel() -> None:
+    """Under a flat end of a loop, where it was put, were the axis and its ticks."""
+    ax = Figure(figsize=(4.0, 3.0)).subplots()
+    t = np.linspace(20.0, 80.0, 200)
+    ax.plot(t, np.tanh((t - 40.0) / 5.0))
+    stated = _stated(branch="heating", ends=(20.0, 30.0))
+    flat = t < 30.0
+    inside = Samples(
+        {"condition": np.full(flat.sum(), "c")},
+        {"temperature": t[flat], "measured": np.full(flat.sum(), -1.0)},
+    )
+    disagreement._number(ax, [("1", stated, inside)], np.column_stack([t, np.tanh((t - 40.0) / 5.0)]))
+    ax.figure.draw_without_rendering()
+    box, frame = ax.texts[0].get_bbox_patch().get_window_extent(), ax.get_window_extent()
+    assert frame.y0 < box.y0
+    assert box.y1 < frame.y1
+
+
+@pytest.mark.parametrize("branch", COLOURS)
+def test_the_number_beside_residuals_covers_none_of_them(branch: str) -> None:
+    """It stood at the rim of the panel, where the greatest residuals were drawn over it."""
+    t = np.linspace(20.0, 80.0, 400)
+    left = np.where(t < 50.0, 1.0, -1.0) * np.abs(np.sin(t))
+    samples = Samples(
+        {
+            name: np.full(t.size, word)
+            for name, word in {"condition": "c", "channel": "force", "branch": branch}.items()
+        },
+        {"temperature": t, "measured": left, "before": np.zeros(t.size)},
+    )
+    part = SimpleNamespace(
+        disagreement=[_stated(branch=branch, ends=(20.0, 80.0))], units={"temperature": "degC"},
+        channels={"force": SimpleNamespace(name="force", symbol="F", unit="N")},
+    )  # fmt: skip
+    ax = Figure(figsize=(3.5, 1.0)).subplots()
+    disagreement._strip(ax, SimpleNamespace(samples=samples, part=part), "c", "force")
+    ax.figure.draw_without_rendering()
+    assert (
+        ax.texts[0].get_window_extent().count_contains(ax.transData.transform(np.column_stack([t, left])))
+        == 0
+    )
+
+
+def test_the_title_of_a_loop_names_its_channel_where_there_are_several() -> None:
+    """Force and displacement of a condition had one title."""
+    part = SimpleNamespace(channels={c: SimpleNamespace(name=c) for c in ("force", "displacement")})
+    study = SimpleNamespace(part=part)
+    name = "a-spring-of-the-second-batch-after-annealing"
+    both = [(name, "force"), (name, "displacement")]
+    titles = [disagreement._loop_title(study, both, *place, room=30) for place in both]
+    assert [t.partition(": ")[2] for t in titles] == ["force", "displacement"]
+    assert max(map(len, titles)) <= 30
+    assert disagreement._loop_title(study, [("2A", "force")], "2A", "force", room=30) == "2A"
+
+
+def _stated(branch: str, ends: tuple[float, float]) -> StatedDisagreement:
+    return StatedDisagreement.model_validate({
+        "condition": "c", "branch": branch, "channel": "force", "covariate": "temperature", "from": ends[0],
+        "to": ends[1], "unit": "degC", "size_sigma": 5.0, "mean_residual": 0.1,
+    })  # fmt: skip
 
 
 def _luminance(colour: object) -> float:
