@@ -353,6 +353,7 @@ def _number(ax: Axes, marked: Sequence[tuple[str, StatedDisagreement, Samples]],
 
     Over the stretches of cooling and under those of heating, unless that room is taken.
     """
+    ax.autoscale_view()  # matplotlib sets limits when it draws; places are asked for now
     taken: list[Floats] = []
     pixels = ax.figure.dpi / 72.0
     drawn = ax.transData.transform(points) / pixels
