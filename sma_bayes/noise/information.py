@@ -70,12 +70,12 @@ class KindsOfSample(Information):
         self.own, self.kinds, self.beside, self.linked = own, kinds, beside, linked
 
     def products(self, rows: Floats, others: Floats, samples: slice = EVERY) -> Floats:
-        terms = [(rows * kind)[:, samples] @ others[:, samples].T for kind in self.kinds]
+        x, y = rows[:, samples], others[:, samples]
+        terms = [(x * kind[samples]) @ y.T for kind in self.kinds]
         weights = self.own
         if self.beside is not None and self.linked is not None:
-            now, now_other = (rows * self.linked)[:, samples], (others * self.linked)[:, samples]
-            before, before_other = _before(rows)[:, samples], _before(others)[:, samples]
-            terms.append(now @ before_other.T + before @ now_other.T)
+            linked = self.linked[samples]
+            terms.append((x * linked) @ _before(y).T + _before(x) @ (y * linked).T)
             weights = np.concatenate([weights, self.beside[:, None]], axis=1)
         # who asks wants one entry of all matrices together
         return np.moveaxis(np.tensordot(np.stack(terms), weights.T, axes=(0, 0)), -1, 0)
@@ -117,7 +117,7 @@ class EachSample(Information):
         x, y = rows[:, samples], others[:, samples]
         found = self.own[:, samples] @ (x[i] * y[j]).T
         if self.beside is not None:
-            before, before_other = _before(rows)[:, samples], _before(others)[:, samples]
+            before, before_other = _before(x), _before(y)
             found += self.beside[:, samples] @ (x[i] * before_other[j] + before[i] * y[j]).T
         return np.asarray(found)
 
