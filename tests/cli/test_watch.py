@@ -164,8 +164,11 @@ def test_people_are_told_in_declared_units(out: Path) -> None:
     with (out / "tables" / "limits.csv").open(encoding="utf-8") as file:
         limits = list(csv.DictReader(file))
     assert {r["unit"] for r in limits} == {"mm"}
-    for row, r in zip(limits, found["limits"], strict=True):
-        assert float(row["target [unit]"]) == pytest.approx(1000.0 * r["target"], rel=1e-8)
+    targets = {(r["branch"], r["limit"]): r["target"] for r in found["limits"]}
+    assert len(limits) == len(targets) == 4
+    for row in limits:
+        target = targets[row["branch"], row["limit"]]
+        assert float(row["target [unit]"]) == pytest.approx(1000.0 * target, rel=1e-8)
 
 
 def test_shifts_and_temperatures_are_told_in_declared_units(out: Path) -> None:
@@ -188,7 +191,8 @@ def test_one_call_and_many_give_the_same_numbers(place: Path, out: Path) -> None
     whole = sma_bayes.watch(place / "results", [*files(place, "quiet"), *files(place, "faulty")])
     one, other = without_account(found_in(again)), without_account(whole)
     assert one == other
-    assert {**without_account(found_in(out)), "limits": []} == {**one, "limits": []}
+    of_limits: dict[str, Any] = {"limits": [], "asked": []}
+    assert {**without_account(found_in(out)), **of_limits} == {**one, **of_limits}
 
 
 def test_a_watch_that_was_killed_goes_on_to_the_same_numbers(place: Path, out: Path) -> None:
@@ -402,6 +406,24 @@ def test_of_one_fitted_and_one_watched_cycle(run: Run, tmp_path: Path, watched_s
     assert "No limit was asked for" not in page
     (ax,) = evidence_figure(read_finished(WATCH, WatchDocument, out, in_declared_units)).figure.axes
     assert [t for t in ax.get_xticks() if 0.5 <= t <= 1.5] == [1.0]
+    assert "--limit &#34;stroke=-20%&#34;</pre>" in page
+
+
+def test_sentence_and_figure_tell_the_same_evidence_after_one_cycle(
+    run: Run, place: Path, tmp_path: Path
+) -> None:
+    """The sentence said 1 where the figure had 0.16."""
+    outcome = run("watch", place / "results", files(place, "quiet")[0], "--out", tmp_path / "one")
+    stored = read_finished(WATCH, WatchDocument, tmp_path / "one", in_declared_units)
+    evidence = 10.0 ** stored.found.cycles[0].log10_e
+    assert evidence < 1.0
+    assert stored.found.p_value == 1.0
+    assert f"the evidence of a change came to {evidence:.2g}, and 100 is an alarm" in outcome.out
+    (ax,) = evidence_figure(stored).figure.axes
+    assert float(ax.lines[len(stored.found.numbers)].get_ydata()[0]) == pytest.approx(np.log10(evidence))
+    ticks = dict(zip(ax.get_yticks(), (t.get_text() for t in ax.get_yticklabels()), strict=True))
+    assert ticks[2.0] == "100"
+    assert all(line.get_marker() == "o" for line in ax.lines[: len(stored.found.numbers) + 1])
 
 
 def test_a_watch_of_another_fit_or_alpha_is_refused(run: Run, place: Path, out: Path) -> None:

@@ -26,6 +26,6 @@ def build_report(folder: Path, wanted: ReportOptions) -> None:
 
 def command(found: WatchDocument) -> str:
     """The command that counts further cycles."""
-    limits = "".join(f' --limit "{text}"' for text in dict.fromkeys(r.limit for r in found.limits))
+    limits = "".join(f' --limit "{text}"' for text in found.asked)
     fixed = f"--out DIR --condition {found.condition} --alpha {found.alpha:g} --seed {found.seed}"
     return f'sma-bayes watch "{found.fit}" NEW.csv {fixed}{limits}'

@@ -165,6 +165,7 @@ class WatchFindings(DeclaredUnits, VerdictFindings):
     converged: bool = Field(
         description="whether the fit did, and the common curves of its sweeps have settled"
     )
+    asked: Items[str] = Field(default=(), description="limits as they were asked")
     limits: Items[LimitDocument] = Field(description="one for each branch and channel with the quantity")
     files: Items[ReadFile] = Field(description="files that were read, in their order")
     partial: Items[str] = Field(description="cycles that were not whole when they were last read, in words")

@@ -82,6 +82,7 @@ def _causes(found: WatchDocument) -> Table:
 
 
 def _limits(found: WatchDocument) -> Table:
+    curves = list(dict.fromkeys((r.branch, r.channel) for r in found.limits))
     columns = (
         *CURVE, Column("limit", "limit"), Column("unit", "unit"), Column("fitted", "fitted", OF_ROW),
         Column("now", "now", OF_ROW), Column("limit at", "target", OF_ROW),
@@ -93,7 +94,7 @@ def _limits(found: WatchDocument) -> Table:
             Estimate.of(r.now, r.unit), _value(r.target, r.unit, _sd(r.now)),
             remaining_text(r), Number(r.probability, "1", 0.01),
         )
-        for r in found.limits
+        for r in sorted(found.limits, key=lambda r: curves.index((r.branch, r.channel)))
     )  # fmt: skip
     horizon = max((r.horizon for r in found.limits), default=0)
     note = (

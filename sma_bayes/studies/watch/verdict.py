@@ -90,7 +90,7 @@ def judged(
     at = int(over[0]) if over.size else None
     began = None if at is None else _began(watched, evidence, needed + np.log(series))
     numbers = tuple(_numbers(reference, watched, evidence, began, needed + np.log(series)))
-    greatest = float(total.max(initial=0.0))
+    greatest = float(total.max(initial=-np.inf))
     change = NO_CHANGE if began is None else _change(reference, began, units)
     alarm = None
     if at is not None and began is not None:
@@ -103,7 +103,7 @@ def judged(
     found = VerdictFindings(
         verdict="same" if alarm is None else "changed",
         statement=_statement(len(later), alarm, change, alpha, greatest),
-        p_value=float(min(1.0, np.exp(-greatest))),
+        p_value=float(np.exp(-max(greatest, 0.0))),
         fitted=reference.cycle.tolist(),
         law=reference.law,
         cycles=tuple(

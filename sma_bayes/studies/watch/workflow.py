@@ -307,6 +307,7 @@ class Watch:
             versions=all_versions(),
             converged=converged,
             **dict(verdict.found),
+            asked=tuple(dict.fromkeys(limit.asked for limit in self.limits)),
             limits=tuple(limits),
             files=self.state.files,
             partial=tuple(self._partial()),

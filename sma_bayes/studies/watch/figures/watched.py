@@ -15,6 +15,7 @@ from sma_bayes.report.figures.sheet import (
     Drawing,
     as_columns,
     branch_legend,
+    decade_text,
     dot_handle,
     empty_sheet,
     heading,
@@ -23,11 +24,16 @@ from sma_bayes.report.figures.sheet import (
     remark,
     take_power,
 )
+from sma_bayes.report.notation import power_text
 from sma_bayes.runs.store import or_nan
 from sma_bayes.studies.watch.reference import WATCHED
 from sma_bayes.studies.watch.schema import StoredWatch, WatchDocument, WatchedNumber
 
 ALARM: Final = "#b3261e"
+MARKED: Final = 60
+"""Cycles, at most, each of which has a point of its own."""
+MOST_DECADES: Final = 300
+"""Beyond which evidence is no number of the machine any more."""
 
 
 def evidence_figure(stored: StoredWatch) -> Drawing:
@@ -39,9 +45,11 @@ def evidence_figure(stored: StoredWatch) -> Drawing:
     figure = empty_sheet(6.4, 3.2)
     ax = panels(figure, 1, 1, left=0.75, right=0.2, bottom=0.85, top=0.3)[0][0]
     share = np.log10(len(found.numbers))
+    size = 2.6 if cycle.size <= MARKED else 0.0
     for n in found.numbers:
-        ax.plot(cycle, np.array(n.log10_e) - share, color=COLOURS[n.branch], lw=0.6, alpha=0.45)
-    ax.plot(cycle, total, color=INK, lw=1.3, marker="o", ms=2.6 if cycle.size <= 60 else 0.0)
+        own = np.array(n.log10_e) - share
+        ax.plot(cycle, own, color=COLOURS[n.branch], lw=0.6, alpha=0.45, marker="o", ms=0.7 * size)
+    ax.plot(cycle, total, color=INK, lw=1.3, marker="o", ms=size)
     ax.axhline(needed, color=ALARM, lw=0.9, ls="--")
     ax.axhline(0.0, color=FAINT, lw=0.6)
     if found.alarm is not None:
@@ -49,7 +57,9 @@ def evidence_figure(stored: StoredWatch) -> Drawing:
     low, high = min(float(total.min()), -1.0), max(float(total.max()), needed)
     ax.set(ylim=(low - 0.6, high + 0.12 * (high - low) + 0.4), xlim=(0.5, cycle[-1] + 0.5))
     ax.xaxis.set_major_locator(MaxNLocator(integer=True, nbins=8, min_n_ticks=1))
-    ax.set(xlabel="watched cycle", ylabel="evidence, log10 e")
+    ax.yaxis.set_major_locator(MaxNLocator(integer=True, nbins=6, min_n_ticks=1))
+    ax.yaxis.set_major_formatter(lambda power, _: _evidence_text(round(power)))
+    ax.set(xlabel="watched cycle", ylabel="evidence")
     ax.annotate(
         f"alarm at {1.0 / found.alpha:.4g}", (cycle[-1] + 0.5, needed), (-4, 3), textcoords="offset points",
         ha="right", fontsize=7.0, color=ALARM,
@@ -69,6 +79,11 @@ def evidence_figure(stored: StoredWatch) -> Drawing:
         f"of at most {found.alpha:.3g}."
     )
     return Drawing("evidence", caption, caption, figure, data)
+
+
+def _evidence_text(power: int) -> str:
+    """A power of ten of the evidence, written as the sentence of the verdict writes it."""
+    return decade_text(10.0**power) if abs(power) < MOST_DECADES else f"10{power_text(power)}"
 
 
 def numbers_figure(stored: StoredWatch) -> Drawing:
