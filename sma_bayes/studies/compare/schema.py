@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from typing import Final, Literal
 
 from pydantic import Field
@@ -24,6 +25,7 @@ from sma_bayes.runs.schema import (
     RunAccount,
     StudyFindings,
 )
+from sma_bayes.studies.compare.words import same_curve
 
 
 def _or(value: float | None, otherwise: float) -> float:
@@ -51,7 +53,17 @@ class StatedVerdict(DocumentPart):
     rival: str = Field(description="best model of another family; empty where there is none")
     ln_bayes_factor: NumberOrNull = Field(description="of the preferred model over the rival [1]")
     not_told_from: Items[str] = Field(description="models that are not decisively lower")
+    twins: Items[str] = Field(
+        default=(),
+        description="models of several families that are the preferred curve; the reason begins with them",
+    )
     why: str = Field(description="the reason in words")
+
+    def beyond(self, told: Sequence[str]) -> str:
+        """The reason without the models that are one curve, where these were told before."""
+        if self.twins and self.twins == tuple(told):
+            return self.why.removeprefix(f"{same_curve(self.twins)}, ")
+        return self.why
 
 
 class ModelFactors(DocumentPart):

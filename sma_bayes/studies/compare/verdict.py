@@ -25,7 +25,7 @@ from scipy.stats import t as student_t
 from sma_bayes.arrays import Floats
 from sma_bayes.errors import nats
 from sma_bayes.studies.compare.schema import StatedDifference, StatedVerdict
-from sma_bayes.studies.compare.words import listed, spoken
+from sma_bayes.studies.compare.words import listed, same_curve, spoken
 
 CANNOT_TELL: Final = "cannot tell"
 DECISIVE: Final = float(np.log(20.0))
@@ -89,6 +89,7 @@ def judge(standings: Sequence[Standing]) -> StatedVerdict:
     rival = max(rivals, key=lambda s: s.ln_evidence) if rivals else None
     factor = best.ln_evidence - rival.ln_evidence if rival else 0.0
     why, decisive = _reason(best, voting, families, rival)
+    twins = sorted(s.name for s in voting if s.curve == best.curve)
     return StatedVerdict(
         preferred=best.name,
         verdict=best.family if decisive else CANNOT_TELL,
@@ -97,6 +98,7 @@ def judge(standings: Sequence[Standing]) -> StatedVerdict:
         rival=rival.name if rival else "",
         ln_bayes_factor=factor,
         not_told_from=near,
+        twins=tuple(twins) if rival is not None and len(families) > 1 else (),
         why=why,
     )
 
@@ -105,15 +107,15 @@ def _reason(
     best: Standing, voting: Sequence[Standing], families: Collection[str], rival: Standing | None
 ) -> tuple[str, bool]:
     """Why, and whether the preference is decisive."""
-    twins = listed(sorted(s.name for s in voting if s.curve == best.curve))
+    twins = sorted(s.name for s in voting if s.curve == best.curve)
     if rival is None:
-        return f"there is no model but {twins}", False
+        return f"there is no model but {listed(twins)}", False
     factor = best.ln_evidence - rival.ln_evidence
     first, second = f"the {spoken(best.name)}", f"the {spoken(rival.name)}"
     if len(families) > 1:
         enough = "" if _ahead(best, rival) else ", which is too little to tell"
         lead = f"ahead of {second} by {nats(factor)} in ln evidence{enough}"
-        return f"{twins} are the same curve of this channel, {lead}", False
+        return f"{same_curve(twins)}, {lead}", False
     ratio = f"ln Bayes factor of {first} over {second} is {nats(factor)}"
     if not _ahead(best, rival):
         return f"{ratio}, less than {DECISIVE:.1f} beyond its error", False

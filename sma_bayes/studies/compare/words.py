@@ -54,6 +54,11 @@ def listed(names: Sequence[str]) -> str:
     return " and ".join(filter(None, (", ".join(words[:-1]), *words[-1:])))
 
 
+def same_curve(names: Sequence[str]) -> str:
+    """That models are one curve, as the beginning of a sentence."""
+    return f"{listed(names)} are the same curve of this channel"
+
+
 def noise_words(name: str) -> str:
     """Title of a noise model; its name where it is one of a package that is not there.
 
