@@ -43,7 +43,7 @@ LEAST_RANGE, GREATEST_RANGE = 3.0, 10.0
 COLUMNS: Final = 3
 COUNTS: Final = frozenset({"order", "cycle"})
 """Covariates that are counted, which have no unit."""
-AWAY: Final = (11.0, 23.0, 35.0)
+AWAY: Final = (11.0, 23.0, 35.0, 47.0)
 """Distances of the number of a stretch from its samples that are tried, the first that suits is taken [points]."""
 ALONG: Final = (0.5, 0.35, 0.65, 0.2, 0.8)
 """Places along the stretch that are tried [share of its samples]."""
@@ -53,6 +53,8 @@ RIM: Final = 0.22
 """Room above and below the residuals of a loop, for the numbers of its stretches [share of their range]."""
 APART: Final = 14.0
 """Distance of the centres of two numbers from which on they do not touch [points]."""
+STEP: Final = 3.0
+"""Distance of the places along a curve that no number covers [points]."""
 RADIUS: Final = 8.0
 """Distance of a number's centre from a point from which on it does not cover that [points]."""
 
@@ -293,8 +295,7 @@ def _loop(ax: Axes, study: StoredStudy, condition: str, channel: str) -> None:
     ax.margins(x=0.04, y=0.08)
     power = take_power(ax.yaxis)
     ax.set_ylabel(f"{facts.name} {facts.symbol} [{in_units_of(power, facts.unit)}]")
-    seen = np.concatenate([some["temperature"]] * 2), np.concatenate([some["measured"], some["before"]])
-    _number(ax, marked, np.column_stack(seen))
+    _number(ax, marked, np.column_stack([some["temperature"], some["measured"]]))
 
 
 def _strip(ax: Axes, study: StoredStudy, condition: str, channel: str) -> None:
@@ -349,14 +350,15 @@ def stretch(some: Samples, d: StatedDisagreement) -> Mask:
 
 
 def _number(ax: Axes, marked: Sequence[tuple[str, StatedDisagreement, Samples]], points: Floats) -> None:
-    """Numbers beside the stretches of a loop, within its panel and on no point (n, 2).
+    """Numbers beside the stretches of a loop, within its panel, on no curve of it and on no point (n, 2).
 
     Over the stretches of cooling and under those of heating, unless that room is taken.
     """
     ax.autoscale_view()  # matplotlib sets limits when it draws; places are asked for now
     taken: list[Floats] = []
     pixels = ax.figure.dpi / 72.0
-    drawn = ax.transData.transform(points) / pixels
+    curves = [_walked(ax.transData.transform(line.get_xydata()) / pixels) for line in ax.lines]
+    drawn = np.concatenate([ax.transData.transform(points) / pixels, *curves])
     frame = ax.get_window_extent().get_points() / pixels
     for number, d, inside in marked:
         if not inside.n:
@@ -385,6 +387,13 @@ def _number(ax: Axes, marked: Sequence[tuple[str, StatedDisagreement, Samples]],
             bbox={"boxstyle": "circle,pad=0.22", "facecolor": "white", "edgecolor": MARKS[d.side], "linewidth": 1.0},
             arrowprops={"arrowstyle": "-", "color": MARKS[d.side], "linewidth": 1.0, "shrinkB": 0.0},
         )  # fmt: skip
+
+
+def _walked(line: Floats) -> Floats:
+    """Points (m, 2) all along a line (n, 2), near enough to each other that no number fits in between [points]."""
+    path = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
+    steps = np.arange(0.0, path[-1] + STEP, STEP)
+    return np.column_stack([np.interp(steps, path, part) for part in line.T])
 
 
 def _clear(place: Floats, others: Sequence[Floats] | Floats, enough: float) -> float:

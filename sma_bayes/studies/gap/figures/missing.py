@@ -50,6 +50,10 @@ SHOWN: Final = 5
 TICKS: Final = (0.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4, 1e5, 1e6)
 TALL: Final = 2.5
 """Height of the figure of an effect above its lower labels [inch]."""
+BESIDE: Final = 27.0
+"""Room for the values of the bars at the right of their panel, where no mark is [points]."""
+LETTER, LINE = 0.092, 0.155
+"""Width of a letter and height of a line of a title [inch]."""
 DODGE: Final = 0.07
 """How far the dots of neighbouring conditions stand apart [cycles]."""
 
@@ -67,7 +71,7 @@ def ladder_figure(study: StoredStudy) -> Drawing:
     ]
     worth = study.part.thresholds.ln_bayes_factor
     seen = [x for b in bars for _, v, g, _ in b for x in (v, g) if x is not None]
-    top = 1.8 * max([worth, *seen])
+    top = 1.25 * max([worth, *seen])
     low = -worth if min(seen, default=0.0) < -0.1 * worth else -0.1 * worth
     for number, (ax, round_, some) in enumerate(zip(axes, rounds, bars, strict=True), 1):
         _round(ax, some, worth)
@@ -95,9 +99,10 @@ def ladder_figure(study: StoredStudy) -> Drawing:
         caption=(
             "The ladder of steps. Left: in each round the candidates that came nearest, by the logarithm of the Bayes "
             "factor for the model with the effect over the model without (linear up to the threshold, logarithmic "
-            "beyond). An effect is added if it beats the threshold and the best smooth function without a mechanism "
-            "that contains most of its signature; where none does, two at once may, each beside the other. Where no "
-            "more is added, an effect may be looked for anew, or exchanged, beside the others. Right: root mean square "
+            "beyond); values stand at the right. An effect is added if it beats the threshold and the best smooth "
+            "function without a mechanism that contains most of its signature; where none does, two at once may, each "
+            "beside the other. Where no more is added, an effect may be looked for anew, or exchanged, beside the "
+            "others. Right: root mean square "
             "of held-out residuals; dotted: noise alone."
         ),
         alt="logarithms of Bayes factors of candidates, round by round, and the gap on held-out measurements",
@@ -149,20 +154,14 @@ def _round(ax: Axes, bars: Sequence[Bar], worth: float) -> None:
             )
         text = f"{value:.1f}" if abs(value) < 100.0 else f"{value:.0f}"
         ax.annotate(
-            text, (_free_place(value, guard), place), xytext=(4, 0), textcoords="offset points", va="center",
-            fontsize=6.2, zorder=5, bbox={"facecolor": "white", "alpha": 0.75, "edgecolor": "none", "pad": 0.4},
+            text, (1.0, place), xycoords=ax.get_yaxis_transform(), xytext=(BESIDE, 0), textcoords="offset points",
+            ha="right", va="center", fontsize=6.2,
         )  # fmt: skip
     ax.axvline(worth, color=INK, lw=0.8, ls="--", zorder=0.5)
     ax.axvline(0.0, color=INK, lw=0.5, zorder=0.5)
     ax.set_yticks(range(len(bars)), [abridged(name, 32) for name, *_ in bars])
     ax.set_ylim(len(bars) - 0.5, -0.5)
     ax.tick_params(axis="y", length=0)
-
-
-def _free_place(value: float, guard: float | None) -> float:
-    """Where the number of a bar is written: at its end, or behind the mark of its guard where that is in the way."""
-    end = max(value, 0.0)
-    return guard if guard is not None and 0.0 <= guard - end < max(1.5 * end, 1.0) else end
 
 
 def _gap(ax: Axes, gap: StatedGap, after: str) -> None:
@@ -194,9 +193,11 @@ def effect_figure(study: StoredStudy, effect: AddedEffect) -> Drawing:
     longest = max(len(h.get_label()) for h in handles)
     across = int(np.clip((width - 0.2) / (0.55 + 0.062 * longest), 2, 6))
     bottom = 0.52 + 0.17 * math.ceil(len(handles) / across)
-    tall = TALL + bottom
+    title = _headed(effect.title, width)
+    more = LINE * (len(title) - 1)
+    tall = TALL + bottom + more
     figure = empty_sheet(width, tall)
-    axes = panels(figure, 1, len(channels), left=0.7, bottom=bottom, top=0.68, gap_x=0.75)[0]
+    axes = panels(figure, 1, len(channels), left=0.7, bottom=bottom, top=0.68 + more, gap_x=0.75)[0]
     rows: list[tuple[Any, ...]] = []
     for ax, channel, covariate in zip(axes, channels, covariates, strict=True):
         facts = study.part.channels.get(channel, NamedChannel(name=channel, symbol="", unit="1"))
@@ -207,9 +208,10 @@ def effect_figure(study: StoredStudy, effect: AddedEffect) -> Drawing:
         ax.set_xlabel(f"{covariate_text(study.part.channels, covariate)} [{unit_label(unit) or '1'}]")
         power = take_power(ax.yaxis)
         ax.set_ylabel(f"Δ{facts.symbol or facts.name} [{in_units_of(power, facts.unit)}]")
-    figure.text(0.1 / figure.get_figwidth(), 1 - 0.08 / tall, name, va="top", fontsize=9.5, fontweight="bold")
-    title = textwrap.shorten(effect.title, int(figure.get_figwidth() * 15), placeholder=" …")
-    figure.text(0.1 / figure.get_figwidth(), 1 - 0.27 / tall, title, va="top", fontsize=7.5, color="#555555")
+    at = 0.1 / width
+    figure.text(at, 1 - 0.08 / tall, "\n".join(title), va="top", fontsize=9.5, fontweight="bold")
+    below = 1 - (0.27 + more) / tall
+    figure.text(at, below, f"{name} in the catalogue", va="top", fontsize=7.5, color="#555555")
     by_row = [h for i in range(across) for h in handles[i::across]]  # a legend is filled column by column
     figure.legend(handles=by_row, loc="lower center", ncols=across, borderaxespad=0.15)
     along = " and ".join(dict.fromkeys(covariates))
@@ -232,6 +234,11 @@ def effect_figure(study: StoredStudy, effect: AddedEffect) -> Drawing:
             ("condition", "branch", "cycle", "channel", "along", "at", "q05", "median", "q95"), rows
         ),
     )
+
+
+def _headed(title: str, width: float) -> list[str]:
+    """Lines of a heading in a figure so wide [inch]."""
+    return textwrap.wrap(title[:1].upper() + title[1:], int((width - 0.2) / LETTER))
 
 
 def _changed(samples: Samples, name: str) -> list[str]:

@@ -10,7 +10,7 @@ from matplotlib.colors import to_rgb
 from matplotlib.figure import Figure
 
 from sma_bayes.report.figures.sheet import COLOURS
-from sma_bayes.studies.gap.figures import disagreement
+from sma_bayes.studies.gap.figures import disagreement, missing
 from sma_bayes.studies.gap.outputs import Samples
 from sma_bayes.studies.gap.schema import StatedDisagreement
 from sma_bayes.studies.gap.terminal import _stretch
@@ -150,3 +150,41 @@ def test_a_stretch_is_told_without_powers_of_ten(ends: tuple[float, float], unit
         "to": ends[1], "unit": unit, "size_sigma": 5.0, "mean_residual": 0.1,
     }  # fmt: skip
     assert _stretch(StatedDisagreement.model_validate(stated)) == told
+
+
+@pytest.mark.parametrize("name", ["before", "after"])
+def test_the_number_of_a_stretch_lies_on_no_curve_of_the_model(name: str) -> None:
+    """Points of a steep curve lie far apart, and that with the effects was not looked at."""
+    ax = Figure(figsize=(3.0, 3.0)).subplots()
+    t = np.linspace(20.0, 80.0, 30)
+    measured, curve = np.tanh((t - 50.0) / 3.0), np.tanh((t - 52.0) / 1.0) - 0.35
+    ax.plot(t, curve, label=name)
+    flat = t < 48.0
+    inside = Samples(
+        {"condition": np.full(flat.sum(), "c")}, {"temperature": t[flat], "measured": measured[flat]}
+    )
+    disagreement._number(
+        ax, [("1", _stated(branch="heating", ends=(20.0, 48.0)), inside)], np.column_stack([t, measured])
+    )
+    ax.figure.draw_without_rendering()
+    dense = np.linspace(20.0, 80.0, 4000)
+    drawn = ax.transData.transform(np.column_stack([dense, np.interp(dense, t, curve)]))
+    assert ax.texts[0].get_bbox_patch().get_window_extent().count_contains(drawn) == 0
+
+
+def test_values_of_the_ladder_stand_beside_no_mark() -> None:
+    """A value was written behind the mark of its guard, and read as that of the next bar."""
+    ax = Figure(figsize=(4.0, 2.0)).subplots()
+    bars = [("r_phase", 1178.0, 2429.0, "candidate"), ("run_offset", 509.0, 2429.0, "candidate")]
+    ax.set_xlim(-1.0, 3000.0)
+    missing._round(ax, bars, worth=3.0)
+    ax.figure.draw_without_rendering()
+    assert [text.get_text() for text in ax.texts] == ["1178", "509"]
+    assert all(text.get_window_extent().x0 > ax.get_window_extent().x1 for text in ax.texts)
+
+
+def test_an_effect_is_headed_by_what_it_is() -> None:
+    """It was headed by its id; what is longer than the figure goes on below."""
+    title = "load raises the transformation temperatures"
+    assert missing._headed(title, 4.6) == ["Load raises the transformation temperatures"]
+    assert missing._headed(title, 3.0) == ["Load raises the transformation", "temperatures"]
