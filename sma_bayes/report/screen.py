@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Collection, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
+from copy import copy
+from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
-from typing import Any, Final
+from textwrap import fill
+from typing import Any, Final, Self
 
-from rich.console import Console
+from rich.cells import cell_len
+from rich.console import Console, JustifyMethod
 from rich.table import Column, Table
 from rich.text import Text
 
@@ -51,6 +55,14 @@ class Screen(Console):
     def render_str(self, text: str, **how: Any) -> Text:
         return super().render_str(with_minus(text), **how)
 
+    def print(self, *shown: Any, **how: Any) -> None:
+        """Print what is shown, a table that is too wide as several, so that no cell is cut."""
+        if len(shown) == 1 and isinstance(shown[0], Table):
+            for part in fitting(shown[0], self.width):
+                super().print(part, **how)
+        else:
+            super().print(*shown, **how)
+
     def tell(self, *sentences: str) -> None:
         """Print sentences, each on a line that is as long as it takes."""
         for sentence in sentences:
@@ -60,6 +72,70 @@ class Screen(Console):
 def screen() -> Screen:
     """What people read on; as wide as the widest table where it is no terminal."""
     return Screen(width=None if sys.stdout.isatty() else 160, markup=False, emoji=False)
+
+
+def fitting(table: Table, width: int) -> Iterator[Table]:
+    """A table, or where it is too wide several of its columns each, with the first column before all of them.
+
+    Numbers stand on one line; words go on below each other, and none of them is cut.
+
+    Parameters
+    ----------
+    table : Table
+        Headers and cells are text.
+    width : int
+        Letters of a line.
+    """
+    columns = [_Measured.of(c) for c in table.columns]
+    _, right, _, left = table.padding
+    total = partial(_total, around=left + right + 1)
+    if total(c.widest for c in columns) <= width:
+        yield table
+        return
+    first, *rest = columns
+    parts: list[list[_Measured]] = [[first]]
+    for c in rest:
+        if len(parts[-1]) > 1 and total(x.least for x in (*parts[-1], c)) > width:
+            parts.append([first])
+        parts[-1].append(c)
+    for number, part in enumerate(parts):
+        spare = max(width - total(c.least for c in part), 0)
+        some = copy(table)
+        some.columns, some.rows = [], []
+        some.title = table.title if number == 0 else None
+        for c in part:
+            more = min(spare, c.widest - c.least)
+            spare -= more
+            header = fill(c.header, c.least + more, break_long_words=False, break_on_hyphens=False)
+            some.add_column(header, justify=c.justify, width=c.least + more, overflow="fold")
+        for row, cells in zip(table.rows, zip(*(c.cells for c in part), strict=True), strict=True):
+            some.add_row(*cells, style=row.style, end_section=row.end_section)
+        yield some
+
+
+def _total(widths: Iterable[int], around: int) -> int:
+    """Width of a table, with so many letters of rule and padding around each column."""
+    return sum(w + around for w in widths) + 1
+
+
+@dataclass(frozen=True, slots=True)
+class _Measured:
+    """A column with its width where nothing wraps, and the least that cuts nothing."""
+
+    header: str
+    cells: tuple[str, ...]
+    justify: JustifyMethod
+    widest: int
+    least: int
+
+    @classmethod
+    def of(cls, column: Column) -> Self:
+        header, cells = str(column.header), tuple(map(str, column.cells))
+        whole = max((cell_len(line) for text in cells for line in text.splitlines()), default=0)
+        words = [header] if column.justify == "right" else [header, *cells]
+        word = max((cell_len(w) for text in words for w in text.split()), default=0)
+        least = max(word, whole) if column.justify == "right" or column.no_wrap else word
+        return cls(header, cells, column.justify, max(whole, cell_len(header)), least)
 
 
 numbers = partial(Column, justify="right")

@@ -9,7 +9,7 @@ import pytest
 from rich.table import Table
 
 from sma_bayes.quantities import number_and_unit
-from sma_bayes.report.screen import Screen, what_helps
+from sma_bayes.report.screen import Screen, numbers, titled, what_helps
 
 
 def shown(*things: object) -> str:
@@ -52,3 +52,30 @@ def test_what_helps_a_fit_that_has_not_converged_is_a_simpler_noise(
     assert re.findall(r"--noise (\w+)", told) == advised
     assert told.startswith("what helps: ")
     assert "--seed" in told
+
+
+@pytest.mark.parametrize("width", [80, 100])
+def test_no_cell_of_a_wide_table_is_cut(width: int) -> None:
+    """At 80 letters a line had records `100g-he…`, and intervals were broken within their numbers."""
+    console = Screen(file=io.StringIO(), width=width, markup=False, emoji=False)
+    cells = [
+        "22.16 to 95.62",
+        "2.274 (2.169 to 2.381)",
+        "(2.163 to 2.387)",
+        "14.55 (13.65 to 15.46)",
+        "words go on below",
+    ]
+    heads = ["measured [°C]", "force F [N]", "a reading of F [N]", "displacement X [mm]"]
+    table = titled("at 60 °C", "record", *map(numbers, heads), "remark")
+    records = ["100g-heating", "150g-cooling"]
+    for record in records:
+        table.add_row(record, *cells)
+    console.print(table)
+    told = console.file.getvalue()
+    assert max(map(len, told.splitlines())) <= width
+    assert "…" not in told
+    assert told.count("at 60 °C") == 1
+    for text in (*cells[:-1], *records):
+        assert told.count(text) >= 2
+    lines = told.splitlines()
+    assert any("100g-heating" in line and cells[3] in line for line in lines), "a part names its records"
