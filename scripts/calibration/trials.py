@@ -23,7 +23,7 @@ from calibration.truths import TRUTHS, seed_of
 from sma_bayes.errors import SmaBayesError
 from sma_bayes.parameters.priors_file import priors_folder
 
-DECIDES = ("response", "noise", "sampling", "fitting", "parameters")
+DECIDES = ("response", "noise", "sampling", "fitting", "parameters", "assess")
 """Parts of the package that decide what an interval is."""
 DIGITS = 5
 """To which results are kept."""

@@ -9,6 +9,9 @@ For the sigmoid of Eqs. (2) and (4) the crossings have a closed form, ``A3 - 2/A
 are level, and the tangent at the midpoint has the slope ``A1 A2/4`` and half the span to climb on either side. At
 them 11.9 % and 88.1 % of the span have passed. A slope that is common to both plateaus changes nothing in that.
 
+Beside the curve of a model may stand what it misses. Its slope at an end of the sweep may be that of a phase or of a
+transformation that is not over; each draw goes on one way or the other (`sma_bayes.assess.unfinished`).
+
 Where the model has two stages, each has a start and a finish: the rule is applied to the curve of one alone, between
 the line of its phase and the plateau that the stages have in common. The other stage than that of As and Af, or Mf and
 Ms, is called that of the R-phase, as in NiTi; the curve by itself doesn't tell what phase it is.
@@ -24,6 +27,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from sma_bayes.arrays import Floats
+from sma_bayes.assess.unfinished import Unfinished, unfinished
 from sma_bayes.fitting.curves import CurveDraws, interval_where_defined
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.records.types import Branch, Record
@@ -159,16 +163,23 @@ def temperatures_of_draws(curves: CurveDraws, channel: str) -> tuple[Temperature
     """Start and finish of the transformation on the curves of a posterior, of each of its stages, lowest first."""
     record = curves.posterior.records[curves.record]
     smooth = curves.with_mean_discrepancy() if curves.weights else None
+    beyond = unfinished(curves, channel)
     if curves.posterior.model.stages == 1:
         parts: list[tuple[int | None, tuple[str, str]]] = [(None, NAMES[record.branch])]
     else:
         parts = list(enumerate(STAGES[record.branch]))
     found: list[Temperature] = []
     for stage, names in parts:
-        curve = partial(curves.curve, channel, stage=stage)
+        curve: Curve = partial(curves.curve, channel, stage=stage)
+        if beyond is not None:
+            curve = partial(_with_what_is_beyond, curve, beyond)
         guide = partial(smooth.curve, channel, stage=stage) if smooth is not None else None
         found += temperatures_of_curves(curve, record, channel, guide, names)
     return tuple(found)
+
+
+def _with_what_is_beyond(curve: Curve, beyond: Unfinished, temperature: Floats) -> Floats:
+    return curve(temperature) + beyond.at(temperature)
 
 
 def temperatures_of_curves(
