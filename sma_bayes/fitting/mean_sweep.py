@@ -9,8 +9,7 @@ Biometrika 82 (1995) 479). The prior of the curve is that of the measured sweeps
 
 While sampling, what sweeps have of their own is of one size in all its q functions, which suits what readings say of
 each. How the mean of S sweeps scatters is another question, and sweeps need not scatter alike in offset, stroke,
-midpoint and rate. It is asked of the sweeps' own weights w, drawn given the measurements: with a covariance between
-sweeps that is inverse Wishart a priori, as if n = 3 (`SEEN_BEFORE`) sweeps more were of the one size in all functions,
+midpoint and rate. It is drawn as new sweeps are (`sma_bayes.fitting.sweep_functions`), given the sweeps' own weights,
 
     mean ~ t_v(0, (n between**2 + sum of w w')/(S v)),    v = S - 1 + n.
 """
@@ -24,11 +23,7 @@ import numpy as np
 
 from sma_bayes.arrays import Floats
 from sma_bayes.fitting.posterior import Posterior
-from sma_bayes.fitting.sweep_functions import SweepFunctions
-
-SEEN_BEFORE = 3
-"""Sweeps of the one size that count as seen a priori. The mean over two measured ones then has four degrees of freedom,
-that over three five: variances that are finite, and can be estimated from draws."""
+from sma_bayes.fitting.sweep_functions import SweepFunctions, degrees_of_freedom, sums_of_squares
 
 
 def of_measured_sweeps(posterior: Posterior) -> Posterior:
@@ -111,35 +106,9 @@ def mean_of_all(rng: np.random.Generator, weights: Floats, size: Floats) -> Floa
     ndarray, shape (W, q)
     """
     count, sweeps, functions = weights.shape
-    root, degrees = np.linalg.cholesky(_sums_of_squares(weights, size)), _degrees_of_freedom(sweeps)
+    root, degrees = np.linalg.cholesky(sums_of_squares(weights, size)), degrees_of_freedom(sweeps)
     normal = np.einsum("wij,wj->wi", root, rng.standard_normal((count, functions)))
     return np.asarray(normal / np.sqrt(sweeps * rng.chisquare(degrees, count))[:, None])
-
-
-def _degrees_of_freedom(sweeps: int) -> float:
-    """Those of the mean over so many sweeps."""
-    return sweeps - 1.0 + SEEN_BEFORE
-
-
-def covariance_of_sweeps(weights: Floats, size: Floats) -> Floats:
-    """Expected covariance (q, q) of a new sweep's weights, with which the mean of all sweeps scatters as well.
-
-    Parameters
-    ----------
-    weights : ndarray, shape (W, S, q)
-        Of the measured sweeps, drawn given the measurements; only how they differ from their mean counts.
-    size : ndarray, shape (W,)
-        Their standard deviation in all functions together.
-    """
-    apart = weights - weights.mean(axis=1, keepdims=True)
-    degrees = _degrees_of_freedom(weights.shape[1])
-    return np.asarray(_sums_of_squares(apart, size).mean(axis=0) / (degrees - 2.0))
-
-
-def _sums_of_squares(weights: Floats, size: Floats) -> Floats:
-    """Scale (W, q, q) of the inverse Wishart distribution of the covariance between sweeps."""
-    seen_before = SEEN_BEFORE * size[:, None, None] ** 2 * np.eye(weights.shape[2])
-    return np.asarray(np.swapaxes(weights, 1, 2) @ weights + seen_before)
 
 
 def _sweep_functions(posterior: Posterior) -> Iterator[tuple[str, SweepFunctions]]:

@@ -442,11 +442,14 @@ class Posterior:
     def of_new_sweeps(
         self, rng: np.random.Generator, theta: Floats, record: int, channel: str, temperature: Floats
     ) -> Floats:
-        """What new sweeps have of their own at temperatures (g,) or (W, g), each reading of another; shape (W, g)."""
+        """What new sweeps have of their own at temperatures (g,) or (W, g), each reading of another; shape (W, g).
+
+        They scatter as the sweeps of the record do.
+        """
         if not self._sweeps_differ(record, channel):
             return np.zeros((1, 1))
         size, own = self._between(theta, record, channel)
-        return own.of_new_sweep(rng, size, temperature)
+        return own.of_new_sweep(rng, self.draw_sweeps(rng, theta, record, channel), size, temperature)
 
     def _sweeps_differ(self, record: int, channel: str) -> bool:
         """Whether sweeps have anything of their own."""

@@ -4,7 +4,13 @@ Sweeps of one record need not repeat each other: training, a grip that slips, an
 of its own is a small change of the parameters of its curve, along their tangents, independent from sweep to sweep
 (`SweepFunctions`). Its size is a parameter. The curve is that of the mean over sweeps, as sure as so many of them make
 it: functions that the curve's own shape does not consist of would leave it as sure as all readings, by what it has and
-they have not. A new reading is one of a new sweep.
+they have not.
+
+A new reading is one of a new sweep. Sweeps need not scatter alike in offset, stroke, midpoint and rate, as a single
+size has it, and new ones scatter as the measured ones were found to. Their covariance is inverse Wishart a priori, as
+if n = 3 (`SEEN_BEFORE`) sweeps more were of the one size in all functions; given the own weights w of S measured ones,
+
+    new ~ t_v(0, (n between**2 + sum of w w')/v),    v = S - 1 + n.
 """
 
 from __future__ import annotations
@@ -26,6 +32,9 @@ HARDLY_SEEN = 0.1
 """Share of the greatest change that a parameter makes anywhere which samples have to see, for it to count. A transition
 between two readings is no place that they tell anything of; functions that are scaled by what readings see of it would
 be as many times too large between them."""
+SEEN_BEFORE = 3
+"""Sweeps of the one size that count as seen a priori. Beside two measured ones a new one, or the mean of all, then has
+four degrees of freedom, beside three five: variances that are finite, and can be estimated from draws."""
 SWEEP = "sweep"
 """Input of a part of a record: the segment of the whole one that each sample is from."""
 
@@ -120,14 +129,65 @@ class SweepFunctions:
         """Functions, shape (..., q), at temperatures of any shape; as at the nearest node beyond these."""
         return np.asarray(self._spline(np.clip(temperature, self.temperature[0], self.temperature[-1])))
 
-    def of_new_sweep(self, rng: np.random.Generator, size: Floats, temperature: Floats) -> Floats:
-        """What new sweeps have of their own, of sizes (W,), at temperatures (g,) or (W, g); shape (W, g).
+    def of_new_sweep(
+        self, rng: np.random.Generator, weights: Floats, size: Floats, temperature: Floats
+    ) -> Floats:
+        """What new sweeps have of their own at temperatures (g,) or (W, g); shape (W, g).
 
         Each reading is of another sweep.
+
+        Parameters
+        ----------
+        rng : numpy.random.Generator
+        weights : ndarray, shape (W, S, q)
+            Of the measured sweeps, drawn given the measurements.
+        size : ndarray, shape (W,)
+            Their standard deviation in all functions together.
+        temperature : ndarray, shape (g,) or (W, g)
         """
-        deviations = np.sqrt(np.sum(self.at(temperature) ** 2, axis=-1))
-        drawn = size[:, None] * deviations
-        return np.asarray(drawn * rng.standard_normal(drawn.shape))
+        functions, degrees = self.at(temperature), degrees_of_freedom(weights.shape[1])
+        squares = sums_of_squares(_apart(weights), size)
+        variance = np.sum((functions @ squares) * functions, axis=-1)
+        normal, spread = rng.standard_normal(variance.shape), rng.chisquare(degrees, variance.shape)
+        return np.asarray(np.sqrt(variance / spread) * normal)
+
+
+def covariance_of_sweeps(weights: Floats, size: Floats) -> Floats:
+    """Expected covariance (q, q) of a new sweep's weights, with which the mean of all sweeps scatters as well.
+
+    Parameters
+    ----------
+    weights : ndarray, shape (W, S, q)
+        Of the measured sweeps, drawn given the measurements; only how they differ from their mean counts.
+    size : ndarray, shape (W,)
+        Their standard deviation in all functions together.
+    """
+    degrees = degrees_of_freedom(weights.shape[1])
+    return np.asarray(sums_of_squares(_apart(weights), size).mean(axis=0) / (degrees - 2.0))
+
+
+def sums_of_squares(weights: Floats, size: Floats) -> Floats:
+    """Scale (W, q, q) of the inverse Wishart distribution of the covariance between sweeps.
+
+    Parameters
+    ----------
+    weights : ndarray, shape (W, S, q)
+        Of the measured sweeps, less their mean.
+    size : ndarray, shape (W,)
+        Their standard deviation in all functions together.
+    """
+    seen_before = SEEN_BEFORE * size[:, None, None] ** 2 * np.eye(weights.shape[2])
+    return np.asarray(np.swapaxes(weights, 1, 2) @ weights + seen_before)
+
+
+def degrees_of_freedom(sweeps: int) -> float:
+    """Those with which a new sweep beside so many, and their mean, are known."""
+    return sweeps - 1.0 + SEEN_BEFORE
+
+
+def _apart(weights: Floats) -> Floats:
+    """Weights (W, S, q) less their mean over the sweeps."""
+    return np.asarray(weights - weights.mean(axis=1, keepdims=True))
 
 
 def seen(tangents: Floats, tangents_at_nodes: Floats) -> Bools:

@@ -20,8 +20,7 @@ from scipy import optimize
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.assess.sweeps import samples_of_sweeps
-from sma_bayes.fitting.mean_sweep import covariance_of_sweeps
-from sma_bayes.fitting.sweep_functions import SweepFunctions
+from sma_bayes.fitting.sweep_functions import SweepFunctions, covariance_of_sweeps
 from sma_bayes.studies.cycles.sweeps import LEAST_SAMPLES, NUMBERS, USUAL_SCATTER
 from sma_bayes.studies.sensitivity.quantities import before_calibration
 

@@ -11,9 +11,10 @@ from scipy.stats import multivariate_t, t as student_t
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.bands import credible_band
 from sma_bayes.fitting.fit_records import fit_records
-from sma_bayes.fitting.mean_sweep import covariance_of_sweeps, mean_of_all, of_all_sweeps, of_measured_sweeps
+from sma_bayes.fitting.mean_sweep import mean_of_all, of_all_sweeps, of_measured_sweeps
 from sma_bayes.fitting.noise_choice import choose_noise, noise_start, posterior_with
 from sma_bayes.fitting.posterior import Posterior, build_posterior
+from sma_bayes.fitting.sweep_functions import covariance_of_sweeps
 from sma_bayes.fitting.warm_start import WarmStart, warm_start
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import read_priors
