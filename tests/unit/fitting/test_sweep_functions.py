@@ -6,8 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
-from scipy.stats import multivariate_normal
-from scipy.stats import t as student_t
+from scipy.stats import multivariate_normal, t as student_t
 
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.bands import credible_band
