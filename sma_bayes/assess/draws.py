@@ -11,7 +11,7 @@ import numpy as np
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.bands import band_channels
 from sma_bayes.assess.path import path_remark
-from sma_bayes.fitting.curves import CurveDraws, Errors
+from sma_bayes.fitting.curves import CurveDraws, Errors, calibrated_parameters
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.posterior import Posterior
 from sma_bayes.parameters.distributions import Distribution
@@ -39,6 +39,9 @@ class RecordDraws:
         Channel to weights of what its curve misses.
     calibration : mapping
         Gain and shift of each uncertain calibration, for each draw; see `CurveDraws`.
+    measured_sweeps : ndarray, shape (S, P), or None
+        Where sweeps differ, all parameters as sampled, those of the curve of the measured sweeps; see
+        `sma_bayes.fitting.mean_sweep`.
     """
 
     posterior: Posterior
@@ -46,6 +49,13 @@ class RecordDraws:
     converged: bool
     weights: Mapping[str, Floats] = field(default_factory=dict)
     calibration: Errors = field(default_factory=dict)
+    measured_sweeps: Floats | None = None
+
+    @cached_property
+    def before_calibration(self) -> Floats:
+        """Draws (S, P) as the likelihood has them, the errors of calibrations taken out again."""
+        back = {c: (1.0 / gain, -shift / gain) for c, (gain, shift) in self.calibration.items()}
+        return calibrated_parameters(self.posterior, self.theta, back)
 
     @property
     def record(self) -> Record:
@@ -186,4 +196,12 @@ def record_draws(fit: Fit, record: int = 0) -> RecordDraws:
         (whole.discrepancy[record],),
     )
     curves = fit.curves(record)
-    return RecordDraws(own, curves.theta, fit.converged, curves.weights, curves.calibration)
+    measured = fit.measured_sweeps
+    return RecordDraws(
+        own,
+        curves.theta,
+        fit.converged,
+        curves.weights,
+        curves.calibration,
+        None if measured is None else measured.reshape(curves.theta.shape),
+    )

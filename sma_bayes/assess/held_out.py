@@ -126,7 +126,8 @@ def own_of(basis: DiscrepancyBasis, record: Record) -> SweepFunctions | None:
     if basis.sweep_functions is None:
         return None
     own = basis.sweep_functions
-    return replace(SweepFunctions.tabulated(own.temperature, own.values, record.inputs), change=own.change)
+    tabulated = SweepFunctions.tabulated(own.temperature, own.values, record.inputs)
+    return replace(tabulated, change=own.change, sum_to_zero=own.sum_to_zero)
 
 
 def density_of(

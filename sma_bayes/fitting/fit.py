@@ -45,6 +45,8 @@ class Fit:
         Whether the noise model was chosen from the data rather than named by the user.
     model_choice : ModelChoice or None
         The response model and why, where it was chosen from the ladder.
+    measured_sweeps : ndarray, shape (G, N, P), or None
+        Where sweeps differ, kept draws as sampled, parameters of the curve of the measured sweeps; see `mean_sweep`.
     theta : ndarray, shape (G, N, P)
         Kept draws as parameters, before the uncertainty of calibrations is added.
     """
@@ -59,6 +61,7 @@ class Fit:
     account: Account = field(default_factory=Account)
     chosen: bool = True
     model_choice: ModelChoice | None = None
+    measured_sweeps: Floats | None = None
     theta: Floats = field(init=False, repr=False)
 
     def __post_init__(self) -> None:

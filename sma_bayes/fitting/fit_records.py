@@ -125,7 +125,8 @@ def fit_records(
                 fingerprint=sampled.fingerprint() if checkpoint else "",
                 progress=progress,
             )
-            found = of_all_sweeps(kept(draws), sampled, z, np.random.default_rng(mean_seed))
+            as_sampled = kept(draws)
+            found = of_all_sweeps(as_sampled, sampled, z, np.random.default_rng(mean_seed))
     return Fit(
         posterior,
         start,
@@ -137,6 +138,7 @@ def fit_records(
         account,
         chosen=noise == AUTO,
         model_choice=model_choice,
+        measured_sweeps=None if sampled is posterior else posterior.space.constrain(as_sampled),
     )
 
 

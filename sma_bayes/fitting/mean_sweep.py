@@ -41,13 +41,18 @@ def of_measured_sweeps(posterior: Posterior) -> Posterior:
         return posterior
     if np.sum(moved, axis=0).max() > 1:
         return posterior
+    return summing_to_zero(posterior)
+
+
+def summing_to_zero(posterior: Posterior) -> Posterior:
+    """The posterior of one record with what its sweeps have of their own summing to zero."""
     bases = {
         channel: basis
         if basis.sweep_functions is None
         else replace(basis, sweep_functions=replace(basis.sweep_functions, sum_to_zero=True))
         for channel, basis in posterior.discrepancy[0].items()
     }
-    return replace(posterior, discrepancy=(bases,))
+    return posterior.on(posterior.records, discrepancy=(bases,))
 
 
 def of_all_sweeps(

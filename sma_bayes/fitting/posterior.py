@@ -337,7 +337,9 @@ class Posterior:
             out.append(found)
         return tuple(out)
 
-    def draw_sweeps(self, rng: np.random.Generator, theta: Floats, record: int, channel: str) -> Floats:
+    def draw_sweeps(
+        self, rng: np.random.Generator, theta: Floats, record: int, channel: str, weights: Weights = ()
+    ) -> Floats:
         """Weights of what each sweep has of its own, drawn given the measurements and everything else.
 
         Parameters
@@ -347,6 +349,8 @@ class Posterior:
         record : int
         channel : str
             One whose sweeps have something of their own.
+        weights : tuple of mapping
+            Of the discrepancies; drawn as well, and forgotten, by default.
 
         Returns
         -------
@@ -355,8 +359,11 @@ class Posterior:
         """
         found = []
         for part in batches(len(theta), self.records[record].n, CHUNK):
-            standardised = {c: (e, scale) for c, e, scale in self._standardised(theta[part], record)}
-            whitened = self._whitened(theta[part], record, channel, *standardised[channel])
+            own = _part(weights, part)
+            standardised = {c: (e, scale) for c, e, scale in self._standardised(theta[part], record, own)}
+            whitened = (self._whitened_sweeps if channel in _of(own, record) else self._whitened)(
+                theta[part], record, channel, *standardised[channel]
+            )
             found.append(whitened.draw_weights_of_sweeps(rng))
         return np.concatenate(found)
 
@@ -384,12 +391,28 @@ class Posterior:
         return out
 
     def replicate(
-        self, rng: np.random.Generator, theta: Floats, *, record: int = 0, weights: Weights = ()
+        self,
+        rng: np.random.Generator,
+        theta: Floats,
+        *,
+        record: int = 0,
+        weights: Weights = (),
+        sweeps: Mapping[str, Floats] | None = None,
     ) -> dict[str, Floats]:
         """New measurements at the record's own inputs, one for each parameter vector: channel to (W, n).
 
         They have the density of the likelihood: where it integrates true temperatures out these are drawn, elsewhere
         errors of the thermometer have its mean and covariance, and the memory that it gives them.
+
+        Parameters
+        ----------
+        rng : numpy.random.Generator
+        theta : ndarray, shape (W, P)
+        record : int
+        weights : tuple of mapping
+            Of the discrepancies.
+        sweeps : mapping of str to ndarray, shape (W, S, q), optional
+            Channel to weights of what each sweep has of its own. By default other sweeps are drawn.
         """
         theta = np.atleast_2d(theta)
         if self._is_latent(record):
@@ -404,7 +427,10 @@ class Posterior:
                 centre = centre + given[channel] @ self.discrepancy[record][channel].rows
             if self._sweeps_differ(record, channel):
                 size, own = self._between(theta, record, channel)
-                drawn = size[:, None] * rng.standard_normal((len(theta), len(own.rows)))
+                if sweeps is None:
+                    drawn = size[:, None] * rng.standard_normal((len(theta), len(own.rows)))
+                else:
+                    drawn = sweeps[channel].reshape(len(theta), -1)
                 centre = centre + drawn @ own.rows
             if not parts:
                 sd = self.noise_scale(theta, record, channel, mean[channel])
@@ -683,10 +709,16 @@ class Posterior:
 
     def _of_sweeps(self, theta: Floats, record: int, channel: str, e: Floats, scale: Floats) -> Floats:
         """Likeliest part (W, n) of standardised residuals that sweeps have of their own."""
+        return self._whitened_sweeps(theta, record, channel, e, scale).likeliest_series()
+
+    def _whitened_sweeps(
+        self, theta: Floats, record: int, channel: str, e: Floats, scale: Floats
+    ) -> Whitened:
+        """Standardised residuals (W, n) less the discrepancy, with what sweeps have of their own alone."""
         size, own = self._between(theta, record, channel)
         shape, steps = self.noise_shape(theta, record, channel), self.steps[record]
         nothing = np.empty((0, e.shape[1])), np.empty((len(e), 0))
-        return Whitened(self.noise, shape, steps, e, scale, *nothing, own, size).likeliest_series()
+        return Whitened(self.noise, shape, steps, e, scale, *nothing, own, size)
 
     def _density_in_sweeps(
         self, theta: Floats, record: int, channel: str, e: Floats, scale: Floats

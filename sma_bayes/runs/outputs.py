@@ -30,7 +30,7 @@ from sma_bayes.runs.documents import (
     refuse_another,
 )
 from sma_bayes.runs.fit_document import FitSummary, read_fit
-from sma_bayes.runs.store import FUNCTIONS, NODE, OF_SWEEPS, WEIGHTS, unguarded_text
+from sma_bayes.runs.store import FUNCTIONS, MEASURED_SWEEPS, NODE, OF_SWEEPS, WEIGHTS, unguarded_text
 
 BAND_COLUMNS: Final = ("q05", "q25", "q50", "q75", "q95", "pred_q05", "pred_q95")
 """Quantiles of a band that figures show."""
@@ -111,6 +111,8 @@ class StoredRecord:
         Channel to nodes (k,), values of the functions there (k, f), and weights (G N, f) of what the curve misses.
     sweep_functions : mapping of str to ndarray
         Channel to values at these nodes of the functions of what a sweep has of its own (k, q).
+    measured_sweeps : mapping of str to ndarray, shape (G, N)
+        Parameters of the curve of the measured sweeps, those that differ from the parameters of the curve of all.
     """
 
     key: str
@@ -124,6 +126,7 @@ class StoredRecord:
     prior_temperature: Floats
     discrepancy: Mapping[str, tuple[Floats, Floats, Floats]] = field(default_factory=dict)
     sweep_functions: Mapping[str, Floats] = field(default_factory=dict)
+    measured_sweeps: Mapping[str, Floats] = field(default_factory=dict)
 
     def bases(self) -> dict[str, DiscrepancyBasis]:
         """Basis of what each curve misses, by channel."""
@@ -344,6 +347,11 @@ def _read_record(path: Path, *, whole: bool) -> StoredRecord:
                     name.removesuffix(OF_SWEEPS): np.asarray(constant[name][:], dtype=float)
                     for name in constant
                     if name.endswith(OF_SWEEPS)
+                },
+                measured_sweeps={
+                    name.removesuffix(MEASURED_SWEEPS): np.asarray(values[:], dtype=float)
+                    for name, values in file["sample_stats"].items()
+                    if name.endswith(MEASURED_SWEEPS)
                 },
             )  # fmt: skip
     except _DAMAGED as error:

@@ -34,6 +34,8 @@ NODE, FUNCTION = "_discrepancy_node", "_discrepancy_function"
 """And those of their dimensions: temperatures between which natural cubic splines run, and numbers of functions."""
 OF_SWEEPS, OF_SWEEP = "_discrepancy_sweep_functions", "_discrepancy_sweep_function"
 """How the name of the variable ends that holds functions of what a sweep has of its own, and that of its dimension."""
+MEASURED_SWEEPS = "_of_measured_sweeps"
+"""How the names of variables end that hold parameters of the curve of the measured sweeps, where these differ."""
 PREDICTIVE_DRAWS = 125
 """Draws of each ensemble for which pointwise likelihood and replicated data are stored."""
 LARGEST = float(np.finfo(np.float32).max)
@@ -213,7 +215,8 @@ def _groups(fit: Fit, record: int, replicated: Mapping[str, Floats]) -> dict[str
         "posterior": VariableGroup(posterior, coords),
         "sample_stats": VariableGroup(
             {name: Variable(dims, values) for name, values in densities.items()}
-            | _discrepancy_weights(fit, record),
+            | _discrepancy_weights(fit, record)
+            | _measured_sweeps(fit, own),
             coords | _functions(fit, record),
         ),
         **_pointwise_groups(fit, record, replicated, points),
@@ -300,6 +303,24 @@ def _discrepancy_weights(fit: Fit, record: int) -> dict[str, Variable]:
             },
         )
         for channel, weights in own.items()
+    }
+
+
+def _measured_sweeps(fit: Fit, own: Mapping[str, int]) -> dict[str, Variable]:
+    """Parameters of the curve of the measured sweeps as they were sampled, those that differ from the curve of all."""
+    if fit.measured_sweeps is None:
+        return {}
+    return {
+        f"{name}{MEASURED_SWEEPS}": Variable(
+            ("chain", "draw"),
+            fit.measured_sweeps[:, :, i],
+            {
+                "unit": fit.posterior.space.parameters[i].unit,
+                "long_name": f"{name} of the curve of the measured sweeps",
+            },
+        )
+        for name, i in own.items()
+        if not np.array_equal(fit.measured_sweeps[:, :, i], fit.theta[:, :, i])
     }
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import fields
+from dataclasses import fields, replace
 from pathlib import Path
 
 import numpy as np
@@ -75,7 +75,13 @@ def draws_of(folder: Path, summary: RecordSummary, seed: int) -> RecordDraws:
     record = posterior.records[0]
     errors = calibration_errors(calibrations_of(record), seed, record.key, len(theta))
     weights = {c: w for c, (_, _, w) in stored.discrepancy.items()}
-    return RecordDraws(posterior, theta, summary.converged, weights, errors)
+    draws = RecordDraws(posterior, theta, summary.converged, weights, errors)
+    if not stored.measured_sweeps:
+        return draws
+    measured = draws.before_calibration.copy()
+    for name, values in stored.measured_sweeps.items():
+        measured[:, posterior.space.names.index(name)] = values.reshape(-1)
+    return replace(draws, measured_sweeps=measured)
 
 
 def _posterior(summary: RecordSummary, stored: StoredRecord) -> Posterior:

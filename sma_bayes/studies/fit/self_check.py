@@ -9,6 +9,10 @@ so ``theta'`` is a draw of the posterior of both measurements together, too: amo
 uniform, exactly, if the draws of the fit and those of the refit are what they should be. A refit of ``y'`` alone would
 not do: its posterior has the prior where the truths have the posterior of ``y``.
 
+Where sweeps differ, the same sweeps are measured again: curve and truth are those of the measured sweeps, as they were
+sampled (`sma_bayes.fitting.mean_sweep`), and what a sweep has of its own is the same in both measurements. How the mean
+over all sweeps differs from theirs is no part of that.
+
 It judges the computation about this record: likelihood, simulation of measurements, draws. Whether the model describes
 the record it can't tell; that is told by predictive checks.
 
@@ -22,8 +26,8 @@ from __future__ import annotations
 
 import csv
 import time
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Final
 
@@ -38,7 +42,9 @@ from sma_bayes.assess.held_out import own_of
 from sma_bayes.assess.rank_uniformity import FALSE_ALARMS, places, rejected, uniformity
 from sma_bayes.errors import OutputError, SmaBayesError, many
 from sma_bayes.fitting.discrepancy import DiscrepancyBasis
+from sma_bayes.fitting.mean_sweep import summing_to_zero
 from sma_bayes.fitting.posterior import Posterior, Weights
+from sma_bayes.fitting.sweep_functions import SWEEP, sweeps_of
 from sma_bayes.limits import REPLICATES
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.progress import Progress, announce
@@ -52,7 +58,6 @@ from sma_bayes.studies.fit.common_shape import CommonShape, refitted
 from sma_bayes.studies.options import FitOptions
 from sma_bayes.studies.sensitivity.quantities import (
     QuantityDraws,
-    before_calibration,
     quantities_of,
     stated_temperatures,
 )
@@ -86,6 +91,8 @@ class ReplicateTask:
         Truths.
     weights : Weights
         Of their discrepancies.
+    sweeps : mapping of str to ndarray, shape (k, S, q)
+        Channel to weights of what each sweep has of its own, where sweeps differ.
     start : ndarray, shape (D,)
         Where refits begin: the posterior median.
     at : tuple of float
@@ -105,6 +112,17 @@ class ReplicateTask:
     stiffness: bool
     seed: tuple[int, ...]
     common: CommonShape | None = None
+    sweeps: Mapping[str, Floats] = field(default_factory=dict)
+
+    def first(self, count: int) -> ReplicateTask:
+        """The first of the replicates."""
+        few = slice(0, count)
+        return replace(
+            self,
+            theta=self.theta[few],
+            weights=tuple({c: w[few] for c, w in of.items()} for of in self.weights),
+            sweeps={c: w[few] for c, w in self.sweeps.items()},
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -170,22 +188,28 @@ def check_self_check(options: FitOptions, replicates: int) -> None:
 
 
 def augmented(posterior: Posterior, observed: dict[str, Floats]) -> Posterior:
-    """The posterior of a record and of another measurement (n,) of each channel at the same inputs, both together."""
+    """The posterior of a record and of another measurement (n,) of each channel at the same inputs, both together.
+
+    Where sweeps differ both measurements of a sweep follow each other.
+    """
     (record,) = posterior.records
-    segment = record.inputs["segment"]
-    inputs = {name: np.concatenate([x, x]) for name, x in record.inputs.items()}
-    inputs["segment"] = np.concatenate([segment, segment + np.ptp(segment) + 1.0])
+    own = posterior.discrepancy[0].items()
+    again = np.tile(np.arange(record.n), 2)
+    inputs = {name: x[again] for name, x in record.inputs.items()}
+    inputs["segment"][record.n :] += np.ptp(record.inputs["segment"]) + 1.0
+    order = np.arange(again.size)
+    if any(b.sweep_functions is not None for _, b in own):
+        inputs[SWEEP] = sweeps_of(record.inputs)[again].astype(float)
+        order = np.argsort(inputs[SWEEP], kind="stable")
     both: Record = replace(
         record,
-        inputs=inputs,
-        observed={c: np.concatenate([record.observed[c], observed[c]]) for c in record.channels},
-        row=np.concatenate([record.row, record.row]),
+        inputs={name: x[order] for name, x in inputs.items()},
+        observed={c: np.concatenate([record.observed[c], observed[c]])[order] for c in record.channels},
+        row=record.row[again][order],
     )
     bases = {
-        c: DiscrepancyBasis(
-            b.temperature, b.values, np.concatenate([b.rows, b.rows], axis=1), own_of(b, both)
-        )
-        for c, b in posterior.discrepancy[0].items()
+        c: DiscrepancyBasis(b.temperature, b.values, b.rows[:, again][:, order], own_of(b, both))
+        for c, b in own
     }
     return posterior.on([both], discrepancy=[bases])
 
@@ -206,17 +230,28 @@ def pilot_task(draws: RecordDraws, stiffness: bool, seed: int) -> ReplicateTask:
 
 
 def _task(draws: RecordDraws, stiffness: bool, some: Ints, seed: tuple[int, ...]) -> ReplicateTask:
-    posterior, theta = draws.posterior, before_calibration(draws)
+    posterior, theta = draws.posterior, draws.before_calibration
     weights: Weights = ({c: w[some] for c, w in draws.weights.items()},) if draws.weights else ()
-    start = np.median(posterior.space.unconstrain(theta), axis=0)
+    sweeps: dict[str, Floats] = {}
     own = (*seed, *draws.key.encode())
-    return ReplicateTask(posterior, theta[some], weights, start, stated_temperatures(draws), stiffness, own)
+    if draws.measured_sweeps is not None:
+        posterior, theta = summing_to_zero(posterior), draws.measured_sweeps
+        rng = np.random.default_rng(np.random.SeedSequence([*own, 2]))
+        weights = posterior.draw_discrepancy(rng, theta[some])
+        sweeps = {
+            c: posterior.draw_sweeps(rng, theta[some], 0, c, weights) for c in posterior.layout[0].between
+        }
+    start = np.median(posterior.space.unconstrain(theta), axis=0)
+    at = stated_temperatures(draws)
+    return ReplicateTask(posterior, theta[some], weights, start, at, stiffness, own, sweeps=sweeps)
 
 
 def _refits(task: ReplicateTask) -> Iterator[tuple[Posterior, WeightedDraws, np.random.Generator]]:
     """Posterior of each replicate together with the record, draws of it, and a generator for what follows."""
     simulate_seed, *seeds = np.random.SeedSequence(task.seed).spawn(1 + len(task.theta))
-    again = task.posterior.replicate(np.random.default_rng(simulate_seed), task.theta, weights=task.weights)
+    again = task.posterior.replicate(
+        np.random.default_rng(simulate_seed), task.theta, weights=task.weights, sweeps=task.sweeps or None
+    )
     for i, seed in enumerate(seeds):
         fit_seed, rank_seed = seed.spawn(2)
         both = augmented(task.posterior, {c: y[i] for c, y in again.items()})
@@ -255,10 +290,9 @@ def first_refits(task: ReplicateTask) -> FirstRefits:
 
 def seconds_of_a_refit(task: ReplicateTask) -> float:
     """Processor time of a refit [s], by `TIMED` of a task."""
-    some = slice(0, TIMED)
-    weights = tuple({c: w[some] for c, w in of.items()} for of in task.weights)
+    few = task.first(TIMED)
     begun = time.process_time()
-    ranked(replace(task, theta=task.theta[some], weights=weights))
+    ranked(few)
     return (time.process_time() - begun) / TIMED
 
 

@@ -34,7 +34,7 @@ from sma_bayes.fitting.curves import CurveDraws
 from sma_bayes.fitting.posterior import Posterior
 from sma_bayes.records.types import Branch, Record
 from sma_bayes.studies.plan.scatter import SweepScatter
-from sma_bayes.studies.sensitivity.quantities import QuantityDraws, before_calibration
+from sma_bayes.studies.sensitivity.quantities import QuantityDraws
 
 DRAWS: Final = 48
 """Posterior draws about which the curve is linearised."""
@@ -151,7 +151,7 @@ class Knowledge:
     @cached_property
     def theta(self) -> Floats:
         """Draws (S, P) as the likelihood has them, without errors of calibrations."""
-        return before_calibration(self.draws)
+        return self.draws.before_calibration
 
     @cached_property
     def missing(self) -> tuple[str, ...]:

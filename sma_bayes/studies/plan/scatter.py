@@ -22,7 +22,6 @@ from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.assess.sweeps import samples_of_sweeps
 from sma_bayes.fitting.sweep_functions import SweepFunctions, covariance_of_sweeps
 from sma_bayes.studies.cycles.sweeps import LEAST_SAMPLES, NUMBERS, USUAL_SCATTER
-from sma_bayes.studies.sensitivity.quantities import before_calibration
 
 FEWEST: Final = 2
 """Fewest sweeps that tell of scatter."""
@@ -130,7 +129,7 @@ def _of_the_fit(draws: RecordDraws, channel: str) -> tuple[SweepFunctions | None
     basis = posterior.discrepancy[0].get(channel)
     if basis is None or basis.sweep_functions is None:
         return None, None
-    theta = before_calibration(draws)
+    theta = draws.before_calibration
     size = theta[:, posterior.layout[0].between[channel]]
     weights = posterior.draw_sweeps(np.random.default_rng(0), theta, 0, channel)
     root = np.linalg.cholesky(covariance_of_sweeps(weights, size))
@@ -140,7 +139,7 @@ def _of_the_fit(draws: RecordDraws, channel: str) -> tuple[SweepFunctions | None
 def _learnt(draws: RecordDraws, channel: str, deviations: Deviations) -> Floats:
     """Root mean square of each standard deviation under its posterior, the others at their likeliest values."""
     posterior, record = draws.posterior, draws.record
-    theta = np.median(before_calibration(draws), axis=0)[None]
+    theta = np.median(draws.before_calibration, axis=0)[None]
     weights = ({c: w.mean(axis=0)[None] for c, w in draws.weights.items()},) if draws.weights else ()
     with np.errstate(all="ignore"):
         innovation = posterior.residuals(theta, weights, of_sweeps=True)[0][channel][0]

@@ -28,7 +28,6 @@ from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.assess.sweeps import samples_of_sweeps
 from sma_bayes.studies.sensitivity.quantities import (
     QuantityDraws,
-    before_calibration,
     of_other_draws,
     quantities_of,
 )
@@ -130,7 +129,7 @@ class _PenalisedSquares:
     def of(cls, draws: RecordDraws) -> _PenalisedSquares:
         """About the posterior median."""
         posterior, place = draws.posterior, draws.posterior.layout[0]
-        theta = np.median(before_calibration(draws), axis=0)
+        theta = np.median(draws.before_calibration, axis=0)
         z = posterior.space.unconstrain(theta)
         m = posterior.sampled_model.size
         start, centre, sd = [z[:m]], [posterior.space.prior_centre()[:m]], [posterior.space.prior_sd()[:m]]

@@ -28,7 +28,6 @@ from sma_bayes.sampling.weighted import resampled
 from sma_bayes.studies.sensitivity.quantities import (
     Densities,
     QuantityDraws,
-    before_calibration,
     of_other_draws,
     quantities_of,
 )
@@ -141,7 +140,7 @@ def mean_without(
     record, posterior = draws.record, draws.posterior
     own = np.random.SeedSequence([seed, 8, int(left_out[0]), *record.key.encode()])
     seed_of_draws, seed_of_rest, seed_of_choice = own.spawn(3)
-    start = np.median(posterior.space.unconstrain(before_calibration(draws)), axis=0)
+    start = np.median(posterior.space.unconstrain(draws.before_calibration), axis=0)
     without = fitted_without(posterior, left_out, start, seed_of_draws)
     if without is None:
         return None

@@ -177,15 +177,9 @@ class Densities:
         return np.asarray(np.sum([r.sum(axis=1) for r in self.readings.values()], axis=0))
 
 
-def before_calibration(draws: RecordDraws) -> Floats:
-    """Draws (S, P) as the likelihood has them, the errors of calibrations taken out again."""
-    back = {c: (1.0 / gain, -shift / gain) for c, (gain, shift) in draws.calibration.items()}
-    return calibrated_parameters(draws.posterior, draws.theta, back)
-
-
 def densities_of(draws: RecordDraws) -> Densities:
     """Prior and likelihood at the draws of a record."""
-    posterior, theta = draws.posterior, before_calibration(draws)
+    posterior, theta = draws.posterior, draws.before_calibration
     z = posterior.space.unconstrain(theta)
     prior = [
         p.prior.log_density(theta[:, i]) + p.prior.transform.log_jacobian(z[:, k])

@@ -28,7 +28,6 @@ from sma_bayes.studies.sensitivity.influence import (
     without_readings,
 )
 from sma_bayes.studies.sensitivity.quantities import (
-    before_calibration,
     densities_of,
     quantities_of,
     stated_temperatures,
@@ -181,7 +180,7 @@ def test_under_heavy_tails_the_bootstrap_is_that_of_the_weighted_likelihood(
     found = bootstrap_sweeps(draws, (40.0,), 0, stiffness=False)
     assert found is not None
     (offset,) = (q for q in found.quantities if q.name == "B4")
-    middle = dict(zip(draws.posterior.names, np.median(before_calibration(draws), axis=0), strict=True))
+    middle = dict(zip(draws.posterior.names, np.median(draws.before_calibration, axis=0), strict=True))
     start = np.array([middle[f"B{i}"] for i in range(1, 5)])
     scale, tails = middle["force_sd"], middle["force_nu"]
 
