@@ -6,14 +6,15 @@ on so; a second step of the transformation that the sweep cuts short has a steep
 to the plateau, and with it the start or the finish of the transformation, lies elsewhere in one case than in the other,
 by several kelvin where the slope is steep.
 
-Each draw of the curve goes on one way or the other, by Bayes' rule, both as probable beforehand. With the slope s as a
-share of the span over the width of the sweep,
+Each draw of the curve goes on one way or the other, by Bayes' rule, both as probable beforehand. What is not over goes
+on in the direction of the transformation, phases have slopes either way. With the slope s in that direction as a share
+of the span over the width of the sweep,
 
-    P(not over | s) = N(s; 0, 1) / (N(s; 0, 1) + N(s; 0, 0.15)),
+    P(not over | s) = 2 N(s; 0, 1) / (2 N(s; 0, 1) + N(s; 0, 0.15)),    0 where s < 0,
 
-0.13 of a slope of nothing (which is the same either way), one half at 0.3, and 0.97 at 0.5. What is not over levels out
-as the model's curve does in its tail, exponentially over the length ``span/(4 greatest slope)``, 1/A2 of the published
-one.
+0.23 of a slope of nothing (which is the same either way), one half at 0.24, and 0.99 at 0.5. What is not over levels
+out as the model's curve does in its tail, exponentially over the length ``span/(4 greatest slope)``, 1/A2 of the
+published one.
 """
 
 from __future__ import annotations
@@ -79,14 +80,15 @@ def unfinished(curves: CurveDraws, channel: str) -> Unfinished | None:
     width, span = high - low, float(np.ptp(record.observed[channel]))
     middle = np.median(curves.model_theta, axis=0)
     slopes = curves.posterior.model.slope(middle, {"temperature": np.linspace(low, high, _PLACES)})
-    steepest = float(np.abs(slopes[channel]).max())
-    if not (np.isfinite(steepest) and steepest > 0.0):
+    steepest = slopes[channel][np.argmax(np.abs(slopes[channel]))]
+    if not np.isfinite(steepest) or steepest == 0.0:
         return None
     ends, outwards = np.array([low, high]), np.array([-width, width])
     missed = curves.discrepancy(channel, np.concatenate([ends, ends + outwards]))
     slope = (missed[:, 2:] - missed[:, :2]) / outwards
-    goes_on = _generator(curves, channel).random(slope.shape) >= probability_unfinished(slope * width / span)
-    return Unfinished(low, high, np.where(goes_on, 0.0, slope), span / (4.0 * steepest))
+    in_direction = np.sign(steepest) * slope * width / span
+    goes_on = _generator(curves, channel).random(slope.shape) >= probability_unfinished(in_direction)
+    return Unfinished(low, high, np.where(goes_on, 0.0, slope), span / (4.0 * abs(float(steepest))))
 
 
 def probability_unfinished(slope: Floats) -> Floats:
@@ -95,15 +97,15 @@ def probability_unfinished(slope: Floats) -> Floats:
     Parameters
     ----------
     slope : ndarray
-        [span of the channel over the width of the sweep]
+        In the direction of the transformation [span of the channel over the width of the sweep].
 
     Examples
     --------
-    >>> probability_unfinished(np.array([0.0, 0.3, 0.5])).round(2)
-    array([0.13, 0.51, 0.97])
+    >>> probability_unfinished(np.array([-0.3, 0.0, 0.3, 0.5])).round(2)
+    array([0.  , 0.23, 0.68, 0.99])
     """
-    in_favour = 0.5 * slope**2 * (OF_A_PHASE**-2 - UNFINISHED**-2) + np.log(OF_A_PHASE / UNFINISHED)
-    return np.asarray(expit(in_favour))
+    in_favour = 0.5 * slope**2 * (OF_A_PHASE**-2 - UNFINISHED**-2) + np.log(2.0 * OF_A_PHASE / UNFINISHED)
+    return np.where(slope < 0.0, 0.0, expit(in_favour))
 
 
 def _generator(curves: CurveDraws, channel: str) -> np.random.Generator:
