@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from functools import partial
 from pathlib import Path
+from typing import Any
 
 from sma_bayes.report.assembly import assemble
 from sma_bayes.report.choice import ReportOptions
@@ -13,9 +14,9 @@ from sma_bayes.runs.documents import SIMULATION
 from sma_bayes.runs.finished_run import read_finished
 from sma_bayes.studies.gap.words import p_text
 from sma_bayes.studies.simulate.figures.course import course_figure
-from sma_bayes.studies.simulate.schema import SimulationDocument
+from sma_bayes.studies.simulate.schema import ReachDocument, SimulationDocument
 from sma_bayes.studies.simulate.tables import simulation_tables
-from sma_bayes.studies.simulate.terminal import balance_text, closing, reach_lines
+from sma_bayes.studies.simulate.terminal import balance_text, closing, reach_texts, reach_title
 
 
 def build_report(folder: Path, wanted: ReportOptions) -> None:
@@ -34,7 +35,15 @@ def build_report(folder: Path, wanted: ReportOptions) -> None:
         kelvins={"factor": kelvins.factor, "label": unit_label(kelvins.shown)},
         balance=balance_text(found),
         p_text=p_text,
-        reach=[] if found.reach is None else [line.strip() for line in reach_lines(found.reach)],
+        reach=None if found.reach is None else _reach(found.reach),
         closing=closing(found),
         slopes=list(dict.fromkeys(f"{r.condition}: {r.caution}" for r in found.runs if r.caution)),
     )
+
+
+def _reach(reach: ReachDocument) -> dict[str, Any]:
+    """What the page says of steady currents: one item for each condition."""
+    return {
+        "title": reach_title(reach),
+        "conditions": [". ".join(texts) + "." for texts in reach_texts(reach)],
+    }

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sma_bayes.report.content import Estimate
+from sma_bayes.report.content import Estimate, Number
 from sma_bayes.report.notation import unit_label
 from sma_bayes.report.tables import Column, Table, table_of, words
 from sma_bayes.studies.simulate.schema import SimulationDocument, StoredSimulation
@@ -60,34 +60,28 @@ def _ends(found: SimulationDocument) -> Table:
 
 
 def _reach(found: SimulationDocument) -> Table:
-    rows = []
     reach = found.reach
-    for c in () if reach is None else reach.conditions:
-        for p in c.passages:
-            rows.append(
-                (
-                    c.condition,
-                    p.direction,
-                    Estimate.of(p, "A"),
-                    p.probability,
-                    c.reachable,
-                    None if c.best is None else c.best.current,
-                    None if c.best is None else c.best.probability,
-                )
-            )
-    cells = tuple(tuple(f"{x:.3g}" if isinstance(x, float) else x for x in row) for row in rows)
-    return Table(
+    return table_of(
         "reach",
         "Steady currents",
-        "Heated from cold until the temperature no longer changes. The best current meets the value within the "
-        "tolerance most surely.",
+        "Heated from cold until the temperature no longer changes: where the value is passed, median and 90 % "
+        "interval, and the current that meets it within the tolerance most surely.",
+        [(c, p) for c in (() if reach is None else reach.conditions) for p in c.passages],
+        (Column("condition", "condition"), lambda c, p: c.condition),
+        (Column("direction", "direction"), lambda c, p: p.direction),
+        (Column("current", "current", "A"), lambda c, p: Estimate.of(p, "A")),
+        (Column("in a share of the draws", "share", "1"), lambda c, p: _share(p.probability)),
+        (Column("reachable with probability", "reachable", "1"), lambda c, p: _share(c.reachable)),
         (
-            *words("condition", "direction"),
-            Column("current", "current", "A"),
-            Column("in a share of the draws", "share"),
-            Column("reachable with probability", "reachable"),
-            Column("best current in A", "best_current"),
-            Column("probability there", "best_probability"),
+            Column("best current", "best_current", "A"),
+            lambda c, p: None if c.best is None else Number(c.best.current, "A", 0.01 * c.best.current),
         ),
-        cells,
+        (
+            Column("probability there", "best_probability", "1"),
+            lambda c, p: None if c.best is None else _share(c.best.probability),
+        ),
     )
+
+
+def _share(value: float) -> Number:
+    return Number(value, "1", 0.01)

@@ -101,14 +101,24 @@ def value_text(v: ValueAtEnd) -> str:
 
 def reach_lines(reach: ReachDocument) -> Iterator[str]:
     """Which steady current gives a value, in lines."""
-    yield f"steady current for {reach.asked}, tolerance {reach.tolerance}, heated from cold:"
+    yield f"{reach_title(reach)}:"
+    for first, *more in reach_texts(reach):
+        yield f"  {first}"
+        yield from (f"    {text}" for text in more)
+
+
+def reach_title(reach: ReachDocument) -> str:
+    """What was asked for."""
+    return f"steady current for {reach.asked}, tolerance {reach.tolerance}, heated from cold"
+
+
+def reach_texts(reach: ReachDocument) -> Iterator[list[str]]:
+    """What is said of each condition; of none of them, where none has the quantity."""
     for c in reach.conditions:
-        yield f"  {c.condition}: {_current_text(c)}"
-        yield f"    {_surely(c, reach.probability)}"
-        if c.caution:
-            yield f"    caution: {c.caution}"
+        caution = [f"caution: {c.caution}"] if c.caution else []
+        yield [f"{c.condition}: {_current_text(c)}", _surely(c, reach.probability), *caution]
     if not reach.conditions:
-        yield "  no condition has that quantity on both branches"
+        yield ["no condition has that quantity on both branches"]
 
 
 def _current_text(c: ReachOfCondition) -> str:
