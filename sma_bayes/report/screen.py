@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass
 from functools import partial
@@ -75,7 +75,7 @@ def screen() -> Screen:
 
 
 def fitting(table: Table, width: int) -> Iterator[Table]:
-    """A table, or where it is too wide several of its columns each, with the first column before all of them.
+    """A table, or where it is too wide several of its columns each, after the first ones that tell its rows apart.
 
     Numbers stand on one line; words go on below each other, and none of them is cut.
 
@@ -92,11 +92,11 @@ def fitting(table: Table, width: int) -> Iterator[Table]:
     if total(c.widest for c in columns) <= width:
         yield table
         return
-    first, *rest = columns
-    parts: list[list[_Measured]] = [[first]]
-    for c in rest:
-        if len(parts[-1]) > 1 and total(x.least for x in (*parts[-1], c)) > width:
-            parts.append([first])
+    named = _naming(columns)
+    parts: list[list[_Measured]] = [columns[:named]]
+    for c in columns[named:]:
+        if len(parts[-1]) > named and total(x.least for x in (*parts[-1], c)) > width:
+            parts.append(columns[:named])
         parts[-1].append(c)
     for number, part in enumerate(parts):
         spare = max(width - total(c.least for c in part), 0)
@@ -111,6 +111,15 @@ def fitting(table: Table, width: int) -> Iterator[Table]:
         for row, cells in zip(table.rows, zip(*(c.cells for c in part), strict=True), strict=True):
             some.add_row(*cells, style=row.style, end_section=row.end_section)
         yield some
+
+
+def _naming(columns: Sequence[_Measured]) -> int:
+    """How many of the first columns tell all rows apart; one where none do."""
+    for count in range(1, len(columns)):
+        rows = list(zip(*(c.cells for c in columns[:count]), strict=True))
+        if len(set(rows)) == len(rows):
+            return count
+    return 1
 
 
 def _total(widths: Iterable[int], around: int) -> int:

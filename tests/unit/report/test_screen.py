@@ -79,3 +79,16 @@ def test_no_cell_of_a_wide_table_is_cut(width: int) -> None:
         assert told.count(text) >= 2
     lines = told.splitlines()
     assert any("100g-heating" in line and cells[3] in line for line in lines), "a part names its records"
+
+
+def test_every_part_of_a_wide_table_tells_its_rows_apart() -> None:
+    """Cold and hot starts of a condition had the same name in all parts but the first."""
+    console = Screen(file=io.StringIO(), width=60, markup=False, emoji=False)
+    table = titled("end", "condition", "start", *map(numbers, ["force F [N]", "displacement X [mm]"]))
+    for start in ("cold", "hot"):
+        table.add_row("1.0A", start, "1.002 (0.964 to 1.049)", "10.00 (9.81 to 10.22)")
+    console.print(table)
+    told = console.file.getvalue()
+    assert (
+        told.count("cold") == told.count("hot") == told.count("force F") + told.count("displacement X") == 2
+    )
