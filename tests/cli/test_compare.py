@@ -26,6 +26,9 @@ def test_a_comparison_from_a_file_to_a_verdict(run: Callable[..., object], folde
     assert first.status == 0, first.err  # type: ignore[attr-defined]
     assert "\nstress, 1 record together: CANNOT TELL" in first.out  # type: ignore[attr-defined]
     assert first.out.count("are the same curve of this channel") == 1  # type: ignore[attr-defined]
+    assert run("report", out).status == 0  # type: ignore[attr-defined]
+    page = (out / "report.html").read_text(encoding="utf-8")
+    assert page.count("are the same curve of this channel") == 1
     stored = json.loads((out / "comparison.json").read_text(encoding="utf-8"))
     again = run(*call)
     assert again.status == 2  # type: ignore[attr-defined]

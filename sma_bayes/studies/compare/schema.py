@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
 from typing import Final, Literal
 
 from pydantic import Field
@@ -58,12 +57,6 @@ class StatedVerdict(DocumentPart):
         description="models of several families that are the preferred curve; the reason begins with them",
     )
     why: str = Field(description="the reason in words")
-
-    def beyond(self, told: Sequence[str]) -> str:
-        """The reason without the models that are one curve, where these were told before."""
-        if self.twins and self.twins == tuple(told):
-            return self.why.removeprefix(f"{same_curve(self.twins)}, ")
-        return self.why
 
 
 class ModelFactors(DocumentPart):
@@ -269,6 +262,13 @@ class ComparisonFindings(StudyFindings, DeclaredUnits):
     overall: Items[Overall] = Field(description="one for each channel and unit")
     records: Items[ComparedRecord] = Field(description="one for each record and channel")
     findings: Items[FindingDocument] = Field(description="what was found about the measurements")
+
+    def reason(self, record: ComparedRecord) -> str:
+        """Why a record has its verdict, without the models that are one curve where all records together say so."""
+        told = any(g.twins == record.twins and g.quantity == record.quantity for g in self.overall)
+        return (
+            record.why.removeprefix(f"{same_curve(record.twins)}, ") if told and record.twins else record.why
+        )
 
 
 class ComparisonDocument(RunAccount, FilesBeside, ComparisonFindings):

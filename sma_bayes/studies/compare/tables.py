@@ -104,7 +104,6 @@ def _correlation_rows(stored: StoredComparison) -> Iterator[tuple[Cell, ...]]:
 
 def verdict_table(stored: StoredComparison) -> Table:
     """Who wins where."""
-    together = {group.quantity: group.twins for group in stored.found.overall}
     return Table(
         "verdicts",
         "Verdicts",
@@ -120,7 +119,7 @@ def verdict_table(stored: StoredComparison) -> Table:
         tuple(
             (
                 r.condition, r.branch, r.quantity, short(r.verdict), short(r.preferred), short(r.rival),
-                Number(r.ln_bayes_factor, "1", 0.5), _noise(r), r.held_out.kind, r.beyond(together.get(r.quantity, ())),
+                Number(r.ln_bayes_factor, "1", 0.5), _noise(r), r.held_out.kind, stored.found.reason(r),
             )
             for r in stored.found.records
         ),

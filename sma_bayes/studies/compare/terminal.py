@@ -25,16 +25,11 @@ def comparison_text(found: dict[str, Any]) -> str:
         lines.append(f"  model {document.model_choice.reason}")
     names = [f"{r.condition}-{r.branch} {r.quantity}" for r in document.records]
     width = max(map(len, names))
-    together = {group.quantity: group.twins for group in document.overall}
     for name, r in zip(names, document.records, strict=True):
         factor = r.ln_bayes_factor
         beaten = "" if factor is None else f", ln Bayes factor {nats(factor)} over the {spoken(r.rival)}"
         rival = beaten if r.rival else ""
-        outcome = (
-            r.beyond(together.get(r.quantity, ()))
-            if r.verdict == CANNOT_TELL
-            else f"the {spoken(r.preferred)}{rival}"
-        )
+        outcome = document.reason(r) if r.verdict == CANNOT_TELL else f"the {spoken(r.preferred)}{rival}"
         lines.append(f"  {name:<{width}}  {spoken(r.verdict):<16}  {outcome}")
     for group in document.overall:
         counted = f"{group.quantity}, {many(len(group.records), 'record')} together"

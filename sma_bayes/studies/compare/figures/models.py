@@ -89,12 +89,14 @@ def curves_figure(stored: StoredComparison, record: ComparedRecord) -> Drawing:
     ]
     figure.legend(handles=handles, loc="upper left", bbox_to_anchor=(1.0 - 1.95 / 6.6, 0.93))
     heading(figure, f"{record.condition}, {record.branch}: {record.verdict}", "")
+    reason = stored.found.reason(record)
     return Drawing(
         stem=f"curves-{record.key}",
         caption=(
             f"{record.condition}, {record.branch}: medians of the models' curves, with 90 % bands of the "
             "modified sigmoid, the refitted logistic and the polynomial, over the data. Below: residuals of "
-            f"predictions made without the sample's own fold ({record.held_out.kind}). {record.why}."
+            f"predictions made without the sample's own fold ({record.held_out.kind}). "
+            f"{reason[:1].upper()}{reason[1:]}."
         ),
         alt="measured values with the curves of all models, and residuals of held-out predictions",
         figure=figure,
