@@ -6,6 +6,7 @@ import json
 import sys
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
+from datetime import timedelta
 from functools import partial, wraps
 from importlib import import_module
 from inspect import Parameter, signature
@@ -118,13 +119,18 @@ def progress_shown(
         MofNCompleteColumn,
         Progress,
         ProgressColumn,
+        Task,
         TextColumn,
         TimeElapsedColumn,
-        TimeRemainingColumn,
     )
+    from rich.text import Text
+
+    class TimeLeftColumn(ProgressColumn):
+        def render(self, task: Task) -> Text:
+            return Text(time_left(task.time_remaining), style="progress.remaining")
 
     columns: list[ProgressColumn] = [TextColumn("{task.description}"), BarColumn(), MofNCompleteColumn()]
-    columns += [TimeElapsedColumn(), *([TextColumn("left"), TimeRemainingColumn()] if tasks else [])]
+    columns += [TimeElapsedColumn(), *([TimeLeftColumn()] if tasks else [])]
     with Progress(*columns, console=Console(stderr=True), transient=True) as bar:
         task = bar.add_task("reading", total=None)
 
@@ -132,6 +138,17 @@ def progress_shown(
             bar.update(task, completed=done, total=total, description=message)
 
         yield Bar(update, lambda text: bar.console.print(text, markup=False, highlight=False))
+
+
+def time_left(seconds: float | None) -> str:
+    """How long the rest will take, in words; empty where nobody knows yet.
+
+    Examples
+    --------
+    >>> time_left(75.2), time_left(None)
+    ('0:01:15 left', '')
+    """
+    return "" if seconds is None else f"{timedelta(seconds=int(seconds))} left"
 
 
 def show_found(found: Mapping[str, Any], quiet: bool, as_json: bool, show: Callable[[], None]) -> None:
