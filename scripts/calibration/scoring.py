@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import partial
 from typing import Any
 
 import numpy as np
@@ -15,6 +17,8 @@ from sma_bayes.assess.transformation import tangents, transformation_channel
 from sma_bayes.fitting.fit import Fit
 
 THIRDS = ("cold", "middle", "hot")
+SAME = 0.1
+"""Share of the width of a transformation by which its temperatures may depend on how a curve goes on, to be judged."""
 MOVES = 0.02
 """K = F'/X' is judged where the displacement is at least so steep [share of its greatest slope]."""
 LETTER = {"displacement": "A", "force": "B"}
@@ -110,7 +114,10 @@ def reading_scores(bands: dict[str, Band], case: Case, rng: np.random.Generator)
 
 
 def temperature_scores(fit: Fit, case: Case) -> dict[str, Any]:
-    """Coverage, error of the median and width [K] of As and Af, or Mf and Ms; truth by the same rule."""
+    """Coverage, error of the median and width [K] of As and Af, or Mf and Ms; truth by the same rule.
+
+    A temperature of which the truth knows nothing is left out.
+    """
     record = fit.records[0]
     channel = transformation_channel(record)
     if channel is None or fit.posterior.model.stages > 1:  # the rule gives the truth's as of one stage
@@ -118,16 +125,38 @@ def temperature_scores(fit: Fit, case: Case) -> dict[str, Any]:
     true = true_temperatures(case, channel)
     out = {}
     for found, value in zip(sma_bayes.transformation_temperatures(fit), true, strict=True):
+        if np.isnan(value):
+            continue
         low, median, high = found.interval.values()
         out[found.name] = _interval_score(low, median, high, value)
     return out
 
 
 def true_temperatures(case: Case, channel: str) -> tuple[float, float]:
-    """Lower and upper transformation temperature of the true curve by the tangent rule [degC]."""
-    t = case.record.temperature
-    rule = tangents(lambda x: np.atleast_2d(case.curves[channel].value(x)), float(t.min()), float(t.max()))
-    return float(rule.lower[0]), float(rule.upper[0])
+    """Lower and upper transformation temperature of the true curve by the tangent rule [degC].
+
+    Where nobody knows how the curve goes on beyond the sweep, one that depends on that is NaN: that of the curve as it
+    is written down, straight from its ends, and level from there, differ by more than `SAME` of the narrowest
+    transformation of the three.
+    """
+    t, curve = case.record.temperature, case.curves[channel]
+    low, high = float(t.min()), float(t.max())
+    ways = [curve.value] if case.beyond else [curve.value, *_beyond(curve, low, high)]
+    rules = [tangents(lambda x, way=way: np.atleast_2d(way(x)), low, high) for way in ways]
+    lower, upper = (np.array([getattr(rule, end)[0] for rule in rules]) for end in ("lower", "upper"))
+    allowed = SAME * float(np.min(upper - lower))
+    first, last = (x[0] if np.ptp(x) <= allowed or len(x) == 1 else np.nan for x in (lower, upper))
+    return float(first), float(last)
+
+
+def _beyond(curve: Curve, low: float, high: float) -> list[Callable[[Floats], Floats]]:
+    """The curve between two temperatures, straight from there on, and level."""
+
+    def on(slope: float, t: Floats) -> Floats:
+        inside = np.clip(t, low, high)
+        return np.asarray(curve.value(inside) + slope * curve.slope(inside) * (t - inside))
+
+    return [partial(on, 1.0), partial(on, 0.0)]
 
 
 def nearest_scores(fit: Fit, case: Case) -> dict[str, Any]:

@@ -16,6 +16,8 @@ from calibration.truths import TRUTHS
 NOMINAL: Final = 0.9
 WANTED: Final = (0.85, 0.95)
 """Share of nominal 90 % intervals that is wanted to hold the truth."""
+LOWER: Final = ("As", "Mf")
+"""What the lower transformation temperature of either branch is called."""
 QUANTITIES: Final = {
     "pointwise": "curve, pointwise",
     "simultaneous": "curve, simultaneous",
@@ -40,7 +42,7 @@ def quantities(line: Mapping[str, Any]) -> dict[str, float | None]:
     curves = [v for c, v in line["curve"].items() if c not in derived]
     stiffness = [v["pointwise"] for c, v in line["curve"].items() if c == "stiffness"]
     readings = line["readings"].values()
-    temperatures = [t["covered"] for t in line["temperatures"].values()]
+    temperatures = line["temperatures"]
     return {
         "pointwise": _average(c["pointwise"] for c in curves),
         "simultaneous": _average(c["simultaneous"] for c in curves),
@@ -49,8 +51,8 @@ def quantities(line: Mapping[str, Any]) -> dict[str, float | None]:
         "readings_cold": _average(r["cold"] for r in readings),
         "readings_middle": _average(r["middle"] for r in readings),
         "readings_hot": _average(r["hot"] for r in readings),
-        "start": _average(temperatures[:1]),
-        "finish": _average(temperatures[1:]),
+        "start": _average([t["covered"] for name, t in temperatures.items() if name in LOWER]),
+        "finish": _average([t["covered"] for name, t in temperatures.items() if name not in LOWER]),
         "nearest": _average(n["covered"] for n in line["nearest"].values()),
     }
 

@@ -59,6 +59,8 @@ class Case:
         Generator -> temperatures (m,) as they would be logged and the readings (m,) of each channel, anew.
     level : float
         Standard deviation of the noise over the range of the channel.
+    beyond : bool
+        Whether the truth says how curves go on beyond the sweep; of a real sweep nobody knows.
     """
 
     campaign: Campaign
@@ -66,6 +68,7 @@ class Case:
     stiffness: Curve | None
     again: Callable[[np.random.Generator], tuple[Floats, dict[str, Floats]]]
     level: float
+    beyond: bool = True
 
     @property
     def record(self) -> Record:
@@ -354,6 +357,7 @@ def _put_back(
         None,
         measured_again,
         spread,
+        beyond=False,
     )
 
 

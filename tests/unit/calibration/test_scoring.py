@@ -3,16 +3,18 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import pytest
 from calibration import page
-from calibration.curves import Curve
-from calibration.scoring import curve_scores, thirds
+from calibration.curves import Curve, logistic, two_steps
+from calibration.scoring import curve_scores, thirds, true_temperatures
 from calibration.summary import QUANTITIES, least_expected, quantities, read_csv, share, table, write_csv
 from calibration.trials import Trial, attempt, collected, read, to_do
+from calibration.truths import TRUTHS
 from scipy.stats import binom
 from typer.testing import CliRunner
 
@@ -202,3 +204,19 @@ def test_an_unknown_truth_is_refused_before_anything_is_done(truths: str, tmp_pa
     result = CliRunner().invoke(measure_calibration.app, ["run", "--out", str(out), "--truths", truths])
     assert result.exit_code == 2
     assert not out.exists()
+
+
+def test_temperatures_that_depend_on_what_nobody_measured_are_not_judged() -> None:
+    """A sweep that ends in a second step: as a phase with a slope, or level from there, the finish lies elsewhere."""
+    case = TRUTHS["white"].make(0, np.random.default_rng(0), Path("no real data"))
+    record = case.record
+    middle, width = float(np.median(record.temperature)), float(np.ptp(record.temperature))
+    last = two_steps(0.02, 0.4, middle, 0.001, 0.15, 0.48 * width, 1.0)
+    whole = logistic(0.02, 0.4, middle, 0.001)
+    for curve, told in ((last, (True, False)), (whole, (True, True))):
+        real = replace(case, curves={"displacement": curve}, beyond=False)
+        assert tuple(np.isfinite(true_temperatures(real, "displacement"))) == told
+        known = replace(real, beyond=True)
+        assert np.isfinite(true_temperatures(known, "displacement")).all()
+    seen = true_temperatures(replace(case, curves={"displacement": whole}, beyond=False), "displacement")
+    np.testing.assert_allclose(seen, (middle - 2.0 / 0.4, middle + 2.0 / 0.4), atol=0.05)
