@@ -45,8 +45,6 @@ class Fit:
         Whether the noise model was chosen from the data rather than named by the user.
     model_choice : ModelChoice or None
         The response model and why, where it was chosen from the ladder.
-    measured_sweeps : ndarray, shape (G, N, P), or None
-        Where sweeps differ, kept draws as sampled, parameters of the curve of the measured sweeps; see `mean_sweep`.
     theta : ndarray, shape (G, N, P)
         Kept draws as parameters, before the uncertainty of calibrations is added.
     """
@@ -61,7 +59,6 @@ class Fit:
     account: Account = field(default_factory=Account)
     chosen: bool = True
     model_choice: ModelChoice | None = None
-    measured_sweeps: Floats | None = None
     theta: Floats = field(init=False, repr=False)
 
     def __post_init__(self) -> None:
@@ -81,6 +78,12 @@ class Fit:
     def flat(self) -> Floats:
         """Kept draws of all parameters, shape (G N, P)."""
         return self.theta.reshape(-1, self.theta.shape[-1])
+
+    @cached_property
+    def measured_sweeps(self) -> Floats | None:
+        """Kept draws (G, N, P) of the curve of the measured sweeps, as sampled; None where sweeps do not differ."""
+        as_sampled = kept(self.draws)
+        return None if np.array_equal(as_sampled, self.z) else self.posterior.space.constrain(as_sampled)
 
     @cached_property
     def discrepancy(self) -> Weights:

@@ -125,8 +125,7 @@ def fit_records(
                 fingerprint=sampled.fingerprint() if checkpoint else "",
                 progress=progress,
             )
-            as_sampled = kept(draws)
-            found = of_all_sweeps(as_sampled, sampled, z, np.random.default_rng(mean_seed))
+            found = of_all_sweeps(kept(draws), sampled, z, np.random.default_rng(mean_seed))
     return Fit(
         posterior,
         start,
@@ -138,7 +137,6 @@ def fit_records(
         account,
         chosen=noise == AUTO,
         model_choice=model_choice,
-        measured_sweeps=None if sampled is posterior else posterior.space.constrain(as_sampled),
     )
 
 
