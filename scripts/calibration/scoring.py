@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from functools import partial
 from typing import Any
 
 import numpy as np
@@ -141,22 +140,24 @@ def true_temperatures(case: Case, channel: str) -> tuple[float, float]:
     """
     t, curve = case.record.temperature, case.curves[channel]
     low, high = float(t.min()), float(t.max())
-    ways = [curve.value] if case.beyond else [curve.value, *_beyond(curve, low, high)]
-    rules = [tangents(lambda x, way=way: np.atleast_2d(way(x)), low, high) for way in ways]
-    lower, upper = (np.array([getattr(rule, end)[0] for rule in rules]) for end in ("lower", "upper"))
-    allowed = SAME * float(np.min(upper - lower))
-    first, last = (x[0] if np.ptp(x) <= allowed or len(x) == 1 else np.nan for x in (lower, upper))
-    return float(first), float(last)
 
+    def rule(way: Callable[[Floats], Floats]) -> Floats:
+        found = tangents(lambda x: np.atleast_2d(way(x)), low, high)
+        return np.array([found.lower[0], found.upper[0]])
 
-def _beyond(curve: Curve, low: float, high: float) -> list[Callable[[Floats], Floats]]:
-    """The curve between two temperatures, straight from there on, and level."""
+    def level(t: Floats) -> Floats:
+        return curve.value(np.clip(t, low, high))
 
-    def on(slope: float, t: Floats) -> Floats:
+    def straight(t: Floats) -> Floats:
         inside = np.clip(t, low, high)
-        return np.asarray(curve.value(inside) + slope * curve.slope(inside) * (t - inside))
+        return np.asarray(curve.value(inside) + curve.slope(inside) * (t - inside))
 
-    return [partial(on, 1.0), partial(on, 0.0)]
+    true = rule(curve.value)
+    if not case.beyond:
+        ways = np.array([true, rule(straight), rule(level)])
+        allowed = SAME * np.min(np.diff(ways, axis=1))
+        true[~(np.ptp(ways, axis=0) <= allowed)] = np.nan
+    return float(true[0]), float(true[1])
 
 
 def nearest_scores(fit: Fit, case: Case) -> dict[str, Any]:

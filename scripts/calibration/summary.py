@@ -12,11 +12,12 @@ import numpy as np
 from scipy.stats import binom
 
 from calibration.truths import TRUTHS
+from sma_bayes.assess.transformation import NAMES
 
 NOMINAL: Final = 0.9
 WANTED: Final = (0.85, 0.95)
 """Share of nominal 90 % intervals that is wanted to hold the truth."""
-LOWER: Final = ("As", "Mf")
+LOWER: Final = tuple(lower for lower, _ in NAMES.values())
 """What the lower transformation temperature of either branch is called."""
 QUANTITIES: Final = {
     "pointwise": "curve, pointwise",
