@@ -16,7 +16,6 @@ from sma_bayes.assess.conflict import contradicted
 from sma_bayes.assess.identifiability import contraction
 from sma_bayes.document_part import DocumentPart, Number, NumberOrNull
 from sma_bayes.fitting.fit import Fit
-from sma_bayes.fitting.fit_records import exact_channels
 from sma_bayes.fitting.noise_choice import LONGEST_MEMORY
 from sma_bayes.parameters.roles import Role
 from sma_bayes.quantities import unit_text
@@ -185,6 +184,8 @@ def reasons(
     of_curve : mapping of str to DiscrepancySummary
         What its curves miss, by channel.
     """
+    from sma_bayes.fitting.fit_records import exact_channels
+
     r, posterior = fit.records[record], fit.posterior
     median = np.median(fit.flat, axis=0)
     exact = exact_channels(posterior, median, record)

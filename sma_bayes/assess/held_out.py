@@ -14,7 +14,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from typing import Final
+from typing import TYPE_CHECKING, Final
 
 import numpy as np
 from numpy.typing import NDArray
@@ -26,9 +26,11 @@ from sma_bayes.fitting.discrepancy import DiscrepancyBasis, turned
 from sma_bayes.fitting.posterior import Posterior, Weights
 from sma_bayes.fitting.sweep_functions import SWEEP, SweepFunctions, sweeps_of
 from sma_bayes.records.types import Record
-from sma_bayes.sampling.importance import WeightedDraws, importance_draws
 from sma_bayes.sampling.pareto import RELIABLE, smoothed_weights
 from sma_bayes.sampling.weighted import resampled, weighted_quantiles
+
+if TYPE_CHECKING:
+    from sma_bayes.sampling.importance import WeightedDraws
 
 Mask = NDArray[np.bool_]
 CONDITION: Final = "condition"
@@ -284,6 +286,8 @@ class Predictor:
 
     def _predicted(self, target: Mask, seed: np.random.SeedSequence) -> tuple[WeightedDraws, Floats, Floats]:
         """Draws of a fit without a part, and their log densities and curves (S, part) there."""
+        from sma_bayes.sampling.importance import importance_draws
+
         posterior = self.without(part(self.record, ~target))
         starts = [m.z for m in self.draws.modes]
         draws = importance_draws(

@@ -22,11 +22,11 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from typing import TYPE_CHECKING
 
 import numpy as np
 from pydantic import Field
-from scipy.special import logsumexp
-from scipy.stats import f as f_distribution
+from scipy.special import fdtr, fdtrc, fdtri, logsumexp
 
 from sma_bayes.arrays import Floats, Ints
 from sma_bayes.assess.checks import Check
@@ -36,8 +36,10 @@ from sma_bayes.fitting.fit import Fit, kept
 from sma_bayes.fitting.mean_sweep import of_all_sweeps, of_measured_sweeps
 from sma_bayes.fitting.posterior import Posterior, Weights
 from sma_bayes.records.types import Record
-from sma_bayes.sampling.importance import WeightedDraws, importance_draws
 from sma_bayes.sampling.pareto import RELIABLE, smoothed_weights
+
+if TYPE_CHECKING:
+    from sma_bayes.sampling.importance import WeightedDraws
 
 FEWEST_SWEEPS = 3
 REFITS = 4
@@ -139,6 +141,8 @@ def fitted_without(
         A point of the posterior with them, in the sampled coordinates.
     seed : numpy.random.SeedSequence
     """
+    from sma_bayes.sampling.importance import importance_draws
+
     (record,) = posterior.records
     kept = np.ones(record.n, dtype=bool)
     kept[left_out] = False
@@ -187,7 +191,7 @@ def left_out_sweeps(fit: Fit, record: int = 0) -> list[LeftOutSweep]:
                     size = drawn.root_mean_square(posterior.layout[record].between[channel])
                     own = size * of_its_own[channel][:, sweep] @ rows.T
                 distance = _distance(drawn.innovations[channel][:, sweep], drawn.log_weight, rows, own)
-            pit = None if distance is None else float(f_distribution.cdf(distance, rows.shape[0], spare))
+            pit = None if distance is None else float(fdtr(rows.shape[0], spare, distance))
             refitted = drawn is not None and not k[i] <= RELIABLE
             out.append(
                 LeftOutSweep(
@@ -206,16 +210,12 @@ def sweep_checks(sweeps: Sequence[LeftOutSweep]) -> list[Check]:
     out = []
     for channel in dict.fromkeys(s.channel for s in sweeps):
         own = [s for s in sweeps if s.channel == channel]
-        told = [
-            (float(f_distribution.sf(s.distance, s.r, s.spare)), s) for s in own if s.distance is not None
-        ]
+        told = [(float(fdtrc(s.r, s.spare, s.distance)), s) for s in own if s.distance is not None]
         if not told:
             continue
         least, worst = min(told, key=lambda x: x[0])
         p = float(-np.expm1(len(own) * np.log1p(-least))) if least < 1.0 else 1.0
-        low, high = (
-            float(f_distribution.ppf(q ** (1.0 / len(own)), worst.r, worst.spare)) for q in (0.05, 0.95)
-        )
+        low, high = (float(fdtri(worst.r, worst.spare, q ** (1.0 / len(own)))) for q in (0.05, 0.95))
         meaning = f"{MEANING}: here of sweep {worst.sweep}"
         if len(told) < len(own):
             meaning += f"; {len(own) - len(told)} of {len(own)} sweeps can't be judged"

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 from functools import cached_property
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -16,7 +17,9 @@ from sma_bayes.fitting.noise_choice import NoiseChoice
 from sma_bayes.fitting.posterior import Posterior, Weights
 from sma_bayes.fitting.warm_start import WarmStart
 from sma_bayes.records.types import Calibration, Record
-from sma_bayes.sampling.ensembles import Draws
+
+if TYPE_CHECKING:
+    from sma_bayes.sampling.ensembles import Draws
 
 KEPT = 500
 """Draws that are kept of each ensemble."""
