@@ -6,14 +6,14 @@ import gc
 
 from sma_bayes.interruption import ending_in_order
 
-RARELY = (20_000, 50, 50)
+COLLECTION_THRESHOLDS = (20_000, 50, 50)
 """Thresholds of the garbage collector. What is large here are arrays, which go without it; what it looks through are
 modules and figures: at its own pace it takes a fifteenth of the time of a fit."""
 
 
 def main() -> None:
     """Run the command line, see `sma_bayes.cli.main`."""
-    gc.set_threshold(*RARELY)
+    gc.set_threshold(*COLLECTION_THRESHOLDS)
     with ending_in_order():
         from sma_bayes.cli import main as command_line
 

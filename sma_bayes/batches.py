@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-FEWEST = 16
+LEAST_ROWS = 16
 """Rows of a part, at least: fewer would not be worth the call."""
 
 
@@ -18,7 +18,7 @@ def batches(rows: int, width: int, most: int) -> Iterator[slice]:
     width : int
         Numbers that each row takes.
     most : int
-        Numbers that a part should take at most; it has `FEWEST` rows even where that is more.
+        Numbers that a part should take at most; it has `LEAST_ROWS` rows even where that is more.
 
     Examples
     --------
@@ -27,6 +27,6 @@ def batches(rows: int, width: int, most: int) -> Iterator[slice]:
     >>> list(batches(0, 10, 200))
     []
     """
-    size = max(FEWEST, most // max(width, 1))
+    size = max(LEAST_ROWS, most // max(width, 1))
     for start in range(0, rows, size):
         yield slice(start, min(start + size, rows))

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from sma_bayes.errors import OutputError
 
-MARGIN = 2**22
+FREE_BYTES = 2**22
 """Room that must be left besides the numbers in a file: for its own structure, and for what other processes write
 meanwhile [byte]. Worth more than it costs, because HDF5 may bring the process down where the disk runs full."""
 
@@ -43,8 +43,8 @@ def writing(path: Path, *, nbytes: int = 0) -> Iterator[None]:
     hook = sys.unraisablehook
     try:
         free = shutil.disk_usage(path.parent).free
-        if nbytes and free < nbytes + MARGIN:
-            lacking = f"{free / 1e6:.3g} MB are free, {(nbytes + MARGIN) / 1e6:.3g} MB needed"
+        if nbytes and free < nbytes + FREE_BYTES:
+            lacking = f"{free / 1e6:.3g} MB are free, {(nbytes + FREE_BYTES) / 1e6:.3g} MB needed"
             raise unwritable(path, lacking, NEEDED)
         sys.unraisablehook = lambda _: None
         yield

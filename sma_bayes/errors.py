@@ -12,7 +12,7 @@ from difflib import get_close_matches
 from pathlib import Path
 from typing import Self
 
-LONGEST_LINE = 2000
+MAX_LINE_CHARACTERS = 2000
 """Characters of a line of a message, beyond which it is shortened in its middle."""
 
 
@@ -71,7 +71,9 @@ class SmaBayesError(Exception):
         if self.remedy:
             lines.append(f"what to do: {self.remedy}")
         return "\n".join(  # what is quoted in a line may be as long as a file
-            line if len(line) <= LONGEST_LINE else f"{line[: LONGEST_LINE - 200]} ... {line[-150:]}"
+            line
+            if len(line) <= MAX_LINE_CHARACTERS
+            else f"{line[: MAX_LINE_CHARACTERS - 200]} ... {line[-150:]}"
             for line in lines
         )
 

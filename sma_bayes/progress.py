@@ -119,7 +119,7 @@ class Bar:
 
 
 @dataclass(frozen=True, slots=True)
-class StepOf:
+class StepProgress:
     """Progress of one step of several, told with its name and in the way of the whole.
 
     Attributes
@@ -142,7 +142,7 @@ def announce(progress: Progress, seconds: float, what: str) -> None:
     if seconds <= NOTED_S:
         return
     text = f"{what}: about {duration(seconds)}, give or take a factor of three"
-    while isinstance(progress, StepOf):
+    while isinstance(progress, StepProgress):
         text, progress = f"{progress.name}: {text}", progress.whole
     if isinstance(progress, LogLines):
         progress.note(text)
@@ -197,7 +197,7 @@ def log_lines(every: float = LINE_S, *, tasks: bool = True) -> Iterator[LogLines
 
 def lines_inside(progress: Progress) -> float | None:
     """How often a task tells of itself by log lines [s]; None where nobody is told."""
-    while isinstance(progress, StepOf):
+    while isinstance(progress, StepProgress):
         progress = progress.whole
     return progress.every if isinstance(progress, LogLines | Bar) else None
 

@@ -11,28 +11,28 @@ import numpy as np
 from pydantic import Field
 
 from sma_bayes.assess import sweeps as left_out
-from sma_bayes.assess.checks import CHANCE, Check
+from sma_bayes.assess.checks import FALSE_ALARM_RATE, Check
 from sma_bayes.assess.conflict import contradicted
 from sma_bayes.assess.identifiability import contraction
 from sma_bayes.document_part import DocumentPart, Number, NumberOrNull
 from sma_bayes.fitting.fit import Fit
-from sma_bayes.fitting.noise_choice import LONGEST_MEMORY
+from sma_bayes.fitting.noise_choice import MAX_MEMORY_SWEEPS
 from sma_bayes.parameters.roles import Role
 from sma_bayes.quantities import unit_text
 from sma_bayes.records.types import Record
 
-MISSED = 0.02
+LARGEST_MISFIT_SHARE = 0.02
 """Share of the range of a channel that a curve may miss at its worst place and still describe the data."""
-NOTICED = 3.0
+LARGEST_MISFIT_SDS = 3.0
 """Standard deviations of the noise that it must miss there, too, to count: below, nobody would see it."""
-SWALLOWED = 0.25
+MAX_NOISE_SHARE = 0.25
 """Standard deviation of the noise over the range of the curve; beyond, it has swallowed the response."""
-PRIOR_LED = 0.75
+PRIOR_LED_CONTRACTION = 0.75
 """Contraction below which a parameter is led by its prior: more than half of the prior's standard deviation is left."""
-MOST_SHOWN = 10.0
+MAX_SHOWN_RANGES = 10.0
 """Multiple of the range of a curve from which on the number itself says nothing."""
 GRID = 161
-OF_SWEEPS = ("sweep_means", left_out.STATISTIC)
+SWEEP_CHECKS = ("sweep_means", left_out.STATISTIC)
 """Checks of whether the sweeps of a record are alike."""
 
 SENTENCES = {
@@ -194,11 +194,15 @@ def reasons(
         out.append(_reason("conflict", "", ", ".join(against)))
     sd = {c: float(median[at[0]]) for c, at in posterior.layout[record].noise.items()}
     out += [
-        _reason("sweeps", c.channel, _failed(r, c)) for c in checks if c.failed and c.statistic in OF_SWEEPS
+        _reason("sweeps", c.channel, _failed(r, c))
+        for c in checks
+        if c.failed and c.statistic in SWEEP_CHECKS
     ]
     for channel, m in of_curve.items():
-        if m.share > MISSED and abs(m.largest or 0.0) > NOTICED * sd[channel]:
-            share = f"up to {100.0 * m.share:.1f} % of" if m.share < MOST_SHOWN else "more than ten times"
+        if m.share > LARGEST_MISFIT_SHARE and abs(m.largest or 0.0) > LARGEST_MISFIT_SDS * sd[channel]:
+            share = (
+                f"up to {100.0 * m.share:.1f} % of" if m.share < MAX_SHOWN_RANGES else "more than ten times"
+            )
             what = (
                 f"{r.quantity(channel)} by {share} its range, at {m.at:.4g} {unit_text(r.units['temperature'])}; "
                 "what it misses is in all bands"
@@ -207,22 +211,24 @@ def reasons(
     out += [
         _reason("check", c.channel, _failed(r, c))
         for c in checks
-        if c.failed and c.statistic not in OF_SWEEPS
+        if c.failed and c.statistic not in SWEEP_CHECKS
     ]
     if not posterior.noise.is_density:
         out.append(_reason("tempered", "", ""))
     steps = posterior.steps[record]
     for channel, own in sd.items():
         remembered = posterior.noise.memory(posterior.noise_shape(median, record, channel), steps)
-        if posterior.noise.autocorrelated and remembered > LONGEST_MEMORY * steps.longest:
+        if posterior.noise.autocorrelated and remembered > MAX_MEMORY_SWEEPS * steps.longest:
             what = (
                 f"{r.quantity(channel)} remembers over {remembered:.0f} samples of a sweep of {steps.longest}"
             )
             out.append(_reason("memory", channel, what))
         response = _response(fit, record, channel)
-        if own > SWALLOWED * response:
+        if own > MAX_NOISE_SHARE * response:
             share = (
-                f"{100.0 * own / response:.0f} % of" if own < MOST_SHOWN * response else "more than ten times"
+                f"{100.0 * own / response:.0f} % of"
+                if own < MAX_SHOWN_RANGES * response
+                else "more than ten times"
             )
             out.append(_reason("noise", channel, f"{share} what {r.quantity(channel)} changes by"))
     for channel in led_by_prior(fit, record):
@@ -247,10 +253,10 @@ def _failed(record: Record, check: Check) -> str:
 
 
 def _probability(p: float) -> str:
-    """A p-value, of which nothing beyond `CHANCE` is told: replications are hundreds."""
-    if p < CHANCE:
-        return f"p < {CHANCE:g}"
-    return f"p > {1.0 - CHANCE:g}" if p > 1.0 - CHANCE else f"p = {p:.2g}"
+    """A p-value, of which nothing beyond `FALSE_ALARM_RATE` is told: replications are hundreds."""
+    if p < FALSE_ALARM_RATE:
+        return f"p < {FALSE_ALARM_RATE:g}"
+    return f"p > {1.0 - FALSE_ALARM_RATE:g}" if p > 1.0 - FALSE_ALARM_RATE else f"p = {p:.2g}"
 
 
 def _reason(kind: str, channel: str, what: str) -> Reason:
@@ -268,6 +274,6 @@ def led_by_prior(fit: Fit, record: int = 0) -> tuple[str, ...]:
     ):
         fact = facts[name]
         telling = fact.role in (Role.MIDPOINT, Role.RATE) and fact.channel in fit.records[record].channels
-        if telling and moved.get(position, 1.0) < PRIOR_LED:
+        if telling and moved.get(position, 1.0) < PRIOR_LED_CONTRACTION:
             led[fact.channel] = None
     return tuple(led)

@@ -20,10 +20,10 @@ from sma_bayes.fitting.fit import Fit
 from sma_bayes.noise import Steps
 from sma_bayes.noise.base import lag1
 
-CHECKED: Final = 500
+CHECK_DRAWS: Final = 500
 """Draws that a check looks at."""
 SAMPLES_OF_A_BLOCK, FEWEST_BLOCKS, MOST_BLOCKS = 8, 4, 12
-CHANCE: Final = 0.002
+FALSE_ALARM_RATE: Final = 0.002
 """Probability, in each tail that tells, below which a check counts as failed; a channel has some six."""
 
 
@@ -174,8 +174,8 @@ class Check:
 
     @property
     def failed(self) -> bool:
-        """Whether the model does not make such data: its p-value is below `CHANCE` in a tail that tells."""
-        return in_tail(self.statistic, self.p_value, CHANCE)
+        """Whether the model does not make such data: its p-value is below `FALSE_ALARM_RATE` in a tail that tells."""
+        return in_tail(self.statistic, self.p_value, FALSE_ALARM_RATE)
 
 
 def in_tail(statistic: str, p_value: float, tail: float) -> bool:
@@ -194,7 +194,7 @@ def predictive_checks(fit: Fit, record: int = 0) -> list[Check]:
     The statistics are those of `STATISTICS`.
     """
     r = fit.records[record]
-    every = max(1, len(fit.flat) // CHECKED)
+    every = max(1, len(fit.flat) // CHECK_DRAWS)
     theta = fit.flat[::every]
     rng = np.random.default_rng(np.random.SeedSequence([fit.seed, 2, *r.key.encode()]))
     weights = tuple({c: w[::every] for c, w in own.items()} for own in fit.discrepancy)

@@ -23,10 +23,10 @@ from sma_bayes.noise.effective_samples import memory_of
 from sma_bayes.parameters.space import Parameter
 from sma_bayes.quantities import unit_text
 
-ALLOWED = 0.001
+CONFLICT_PRIOR_PROBABILITY = 0.001
 """Prior probability, both tails together, outside of which a value contradicts the prior: by the prior's own account
 one parameter in a thousand lies there."""
-SURE = 4.0
+CONFLICT_STANDARD_ERRORS = 4.0
 """Standard errors about the least-squares estimate that must lie outside, too, where it contradicts by itself."""
 
 
@@ -42,7 +42,9 @@ def contradicted(fit: Fit, record: int = 0) -> tuple[str, ...]:
                 told[parameter.name] = _told(parameter, f"{median:.3g}")
     for parameter, estimate, error in _estimates_of_data_alone(fit):
         if parameter.name not in told and not _allows(
-            parameter, estimate - SURE * error, estimate + SURE * error
+            parameter,
+            estimate - CONFLICT_STANDARD_ERRORS * error,
+            estimate + CONFLICT_STANDARD_ERRORS * error,
         ):
             told[parameter.name] = _told(parameter, f"{estimate:.3g}", " by the data alone")
     stopped = [name for name in fit.warm_start.at_bound if name not in told] if told else []
@@ -57,7 +59,9 @@ def _told(parameter: Parameter, found: str, by: str = "") -> str:
 
 
 def _limits(parameter: Parameter) -> tuple[float, float]:
-    low, high = parameter.prior.quantile(np.array([ALLOWED / 2.0, 1.0 - ALLOWED / 2.0])).tolist()
+    low, high = parameter.prior.quantile(
+        np.array([CONFLICT_PRIOR_PROBABILITY / 2.0, 1.0 - CONFLICT_PRIOR_PROBABILITY / 2.0])
+    ).tolist()
     return low, high
 
 

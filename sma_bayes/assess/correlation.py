@@ -21,7 +21,7 @@ from sma_bayes.fitting.fit import Fit
 
 FACTORS: Final = ("r", "r2", "adj_r2", "rmse")
 """Names of the factors, in the order in which they are told."""
-FLAT: Final = 1e-12
+CONSTANT_TOLERANCE: Final = 1e-12
 """A series whose standard deviation is below this share of its mean does not vary beyond rounding."""
 
 
@@ -85,7 +85,7 @@ class Agreement:
         return np.asarray(np.sqrt(self.error / self.n))
 
     def _varies(self, square: Floats, mean: Floats) -> NDArray[np.bool_]:
-        return np.asarray(np.sqrt(square / self.n) > FLAT * np.abs(mean))
+        return np.asarray(np.sqrt(square / self.n) > CONSTANT_TOLERANCE * np.abs(mean))
 
 
 def _quotient(above: Floats, below: Floats, defined: NDArray[np.bool_]) -> Floats:

@@ -26,7 +26,7 @@ from sma_bayes.fitting.discrepancy import DiscrepancyBasis, turned
 from sma_bayes.fitting.posterior import Posterior, Weights
 from sma_bayes.fitting.sweep_functions import SWEEP, SweepFunctions, sweeps_of
 from sma_bayes.records.types import Record
-from sma_bayes.sampling.pareto import RELIABLE, smoothed_weights
+from sma_bayes.sampling.pareto import MAX_RELIABLE_K, smoothed_weights
 from sma_bayes.sampling.weighted import resampled, weighted_quantiles
 
 if TYPE_CHECKING:
@@ -230,7 +230,7 @@ class Predictor:
         self,
         targets: Sequence[Mask],
         seed: np.random.SeedSequence,
-        trust: float = RELIABLE,
+        trust: float = MAX_RELIABLE_K,
         *,
         curves: int = 0,
     ) -> HeldOutPredictions:

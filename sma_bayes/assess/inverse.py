@@ -19,13 +19,13 @@ from sma_bayes.arrays import Floats
 Curve = Callable[[Floats], Floats]
 """Curves of N draws: temperatures of shape (m,) or (N, m) to values of shape (N, m)."""
 
-GRID = 401
+SEARCH_POINTS = 401
 """Temperatures at which curves are searched for passages: so many where they were measured, so many on either side."""
-NEAR = 201
+REFINED_POINTS = 201
 """Further temperatures about each passage, so that a short stretch between two of the others is not missed."""
-BEYOND_CHANCE = 3.0
+SIGNIFICANT_STANDARD_ERRORS = 3.0
 """Standard errors of a probability from which on it is less than another [1]."""
-_HALVINGS = 50
+_BISECTIONS = 50
 
 
 Direction = Literal["rising", "falling"]
@@ -94,7 +94,7 @@ class Met:
         chance = np.sqrt(probability * (1.0 - probability) / self.draws) if self.draws else 0.0
         runs: list[tuple[int, int]] = []
         for first, last in _runs(p >= 0.0):
-            if runs and np.min(p[runs[-1][1] : first + 1]) >= -BEYOND_CHANCE * chance:
+            if runs and np.min(p[runs[-1][1] : first + 1]) >= -SIGNIFICANT_STANDARD_ERRORS * chance:
                 first = runs.pop()[0]
             runs.append((first, last))
         out = []
@@ -141,10 +141,10 @@ def search_grid(low: float, high: float, beyond: float = 0.0) -> Floats:
     >>> float(t[0]), float(t[-1]), int(((t >= 20.0) & (t <= 80.0)).sum())
     (-480.0, 580.0, 401)
     """
-    t = np.linspace(low, high, GRID)
+    t = np.linspace(low, high, SEARCH_POINTS)
     if beyond <= 0.0:
         return t
-    away = np.geomspace(min(float(t[1] - t[0]), beyond), beyond, GRID)
+    away = np.geomspace(min(float(t[1] - t[0]), beyond), beyond, SEARCH_POINTS)
     return np.unique(np.concatenate([low - away, t, high + away]))
 
 
@@ -186,7 +186,7 @@ def passages(curve: Curve, t: Floats, value: float) -> tuple[Passage, ...]:
 
 def _halved(curve: Curve, low: Floats, high: Floats, value: float, *, rising: bool) -> Floats:
     """Passages within cells, one for each curve, by halving."""
-    for _ in range(_HALVINGS):
+    for _ in range(_BISECTIONS):
         middle = 0.5 * (low + high)
         before = (curve(middle[:, None])[:, 0] < value) == rising
         low, high = np.where(before, middle, low), np.where(before, high, middle)
@@ -205,8 +205,8 @@ def finer(t: Floats, near: Floats) -> Floats:
     if not near.size:
         return t
     cell = float(np.diff(t).min())
-    about = np.linspace(near.min() - cell, near.max() + cell, NEAR)
-    passing = np.unique(np.quantile(near, np.linspace(0.0, 1.0, NEAR)))
+    about = np.linspace(near.min() - cell, near.max() + cell, REFINED_POINTS)
+    passing = np.unique(np.quantile(near, np.linspace(0.0, 1.0, REFINED_POINTS)))
     # between the passages, since at one of them rounding decides whether its curve has the value
     every = np.concatenate([t, about, 0.5 * (passing[1:] + passing[:-1])])
     return np.unique(np.clip(every, t[0], t[-1]))

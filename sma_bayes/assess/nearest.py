@@ -25,14 +25,14 @@ from sma_bayes.fitting.fit import Fit
 from sma_bayes.parameters.roles import Role
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
 
-SAMPLES = 150
+MAX_COMPARED_TEMPERATURES = 150
 """Temperatures, at most, at which curves are compared: evenly chosen from the samples."""
 STEPS, CLOSE = 25, 1e-7
 """Steps of Gauss and Newton at most, and the relative step that ends them."""
 LEAST_DAMPING = 1e-12
 """Share of the diagonal that stays added to it: of a curve that is all but straight, or has its step at an end, two
 columns are one, and what is solved would be singular to the last bit."""
-SURE = 0.95
+LEAST_SHARE_OF_DRAWS = 0.95
 """Share of the draws that must have a nearest curve for intervals to be given."""
 
 
@@ -60,7 +60,11 @@ class NearestPublished:
     @property
     def interval(self) -> dict[str, float]:
         """``q05``, ``median`` and ``q95``; NaN where too few draws have one."""
-        return interval_where_defined(self.draws) if self.defined >= SURE else dict.fromkeys(INTERVAL, np.nan)
+        return (
+            interval_where_defined(self.draws)
+            if self.defined >= LEAST_SHARE_OF_DRAWS
+            else dict.fromkeys(INTERVAL, np.nan)
+        )
 
 
 def nearest_parameters(fit: Fit, record: int = 0) -> tuple[NearestPublished, ...]:
@@ -84,7 +88,9 @@ def nearest_of(curves: CurveDraws) -> tuple[NearestPublished, ...]:
             continue
         published = ModifiedSigmoid((channel,))
         t = np.sort(record.temperature)
-        t = t[np.unique(np.linspace(0, t.size - 1, min(SAMPLES, t.size)).round().astype(int))]
+        t = t[
+            np.unique(np.linspace(0, t.size - 1, min(MAX_COMPARED_TEMPERATURES, t.size)).round().astype(int))
+        ]
         y = curves.curve(channel, t)
         own = _own(curves, channel)
         theta = (

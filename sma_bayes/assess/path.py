@@ -15,9 +15,9 @@ from sma_bayes.quantities import ARBITRARY, CHANNELS, convert, unit_text
 from sma_bayes.records.types import Record
 from sma_bayes.response.modified_sigmoid import channel_unit
 
-STRAIGHT = 1.5
+STRAIGHT_LINE_NOISE_FACTOR = 1.5
 """A path counts as a straight line where a line explains it within this many times the noise."""
-TOLD = 0.25
+MAX_NOISE_SHARE = 0.25
 """Share of the range of the force that the noise may take for the shape of the path to be told at all."""
 
 
@@ -70,7 +70,7 @@ def path_remark(record: Record, noise_sd: dict[str, float], *, slope_supported: 
     slope, intercept = np.polyfit(x, f, 1)
     residual = float(np.sqrt(np.mean((f - intercept - slope * x) ** 2)))
     noise = float(np.hypot(noise_sd["force"], slope * noise_sd["displacement"]))
-    if residual <= STRAIGHT * noise and noise <= TOLD * float(np.ptp(f)):
+    if residual <= STRAIGHT_LINE_NOISE_FACTOR * noise and noise <= MAX_NOISE_SHARE * float(np.ptp(f)):
         other = "an elastic constraint" if record.specimen else "a bias spring"
         within = (
             f"the noise, with slope {_as_declared(record, float(slope))}" if slope_supported else "the noise"

@@ -35,7 +35,7 @@ from sma_bayes.document_part import DocumentPart, Number
 
 FALSE_ALARMS: Final = 0.01
 """Chance that ranks which are uniform are called otherwise, over all quantities of a record together."""
-EXACT: Final = 0.95
+COVERAGE_INTERVAL_LEVEL: Final = 0.95
 """Probability of the intervals of coverages."""
 
 
@@ -151,7 +151,7 @@ def _effective_root(n: int) -> float:
 
 def _proportion(inside: int, n: int) -> tuple[float, float]:
     """Exact binomial interval of a share."""
-    tail = 0.5 * (1.0 - EXACT)
+    tail = 0.5 * (1.0 - COVERAGE_INTERVAL_LEVEL)
     low = betaincinv(inside, n - inside + 1, tail) if inside else 0.0
     high = betaincinv(inside + 1, n - inside, 1.0 - tail) if inside < n else 1.0
     return float(low), float(high)

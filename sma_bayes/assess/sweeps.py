@@ -36,15 +36,15 @@ from sma_bayes.fitting.fit import Fit, kept
 from sma_bayes.fitting.mean_sweep import of_all_sweeps, of_measured_sweeps
 from sma_bayes.fitting.posterior import Posterior, Weights
 from sma_bayes.records.types import Record
-from sma_bayes.sampling.pareto import RELIABLE, smoothed_weights
+from sma_bayes.sampling.pareto import MAX_RELIABLE_K, smoothed_weights
 
 if TYPE_CHECKING:
     from sma_bayes.sampling.importance import WeightedDraws
 
 FEWEST_SWEEPS = 3
-REFITS = 4
+MAX_REFITS = 4
 """Fits made anew for one record, at most: of the sweeps that the draws can be relied on least without."""
-NO_WEIGHT = 1e-12
+NEGLIGIBLE_WEIGHT = 1e-12
 """Share of all weight from which a draw counts: one that is far out has none, and need not have a finite response."""
 STATISTIC = "left_out_sweeps"
 MEANING = (
@@ -172,14 +172,14 @@ def left_out_sweeps(fit: Fit, record: int = 0) -> list[LeftOutSweep]:
     theta, weights = _of_the_density(fit)
     with np.errstate(all="ignore"):
         pointwise = posterior.pointwise_log_likelihood(theta, weights)[record]
-    log_weight, k, again = weights_without(pointwise, sweeps, REFITS if len(fit.records) == 1 else 0)
+    log_weight, k, again = weights_without(pointwise, sweeps, MAX_REFITS if len(fit.records) == 1 else 0)
     tangents = _tangents(fit, record)
     of_its_own = _of_its_own(fit, record)
     innovations = _innovations(posterior, theta, weights, record)
     out = []
     for i, sweep in enumerate(sweeps):
         drawn: _Drawn | None = _Drawn(innovations, theta, log_weight[:, i])
-        if not k[i] <= RELIABLE:
+        if not k[i] <= MAX_RELIABLE_K:
             drawn = _without(fit, sweep) if i in again else None
         for channel in r.channels:
             rows = _orthonormal(tangents[channel][:, sweep])
@@ -192,7 +192,7 @@ def left_out_sweeps(fit: Fit, record: int = 0) -> list[LeftOutSweep]:
                     own = size * of_its_own[channel][:, sweep] @ rows.T
                 distance = _distance(drawn.innovations[channel][:, sweep], drawn.log_weight, rows, own)
             pit = None if distance is None else float(fdtr(rows.shape[0], spare, distance))
-            refitted = drawn is not None and not k[i] <= RELIABLE
+            refitted = drawn is not None and not k[i] <= MAX_RELIABLE_K
             out.append(
                 LeftOutSweep(
                     sweep=i + 1, channel=channel, distance=distance, pit=pit, r=rows.shape[0], spare=spare,
@@ -290,7 +290,7 @@ def _distance(e: Floats, log_weight: Floats, rows: Floats, own: Floats | None = 
     What the sweep has of its own scatters along them, too, by `own` (q, r), if there is such a thing.
     """
     w = np.exp(log_weight - logsumexp(log_weight))
-    kept = w > NO_WEIGHT
+    kept = w > NEGLIGIBLE_WEIGHT
     if not len(rows) or not np.isfinite(e[kept]).all():
         return None
     along = e[kept] @ rows.T

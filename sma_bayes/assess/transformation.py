@@ -49,25 +49,25 @@ MEANING = {
     "Rs": "R-phase start", "Rf": "R-phase finish",
 }  # fmt: skip
 
-OUTSTANDING = 0.05
+MAX_OUTSTANDING_SHARE = 0.05
 """A plateau counts as measured where at most this share of the transformation is outstanding at that end."""
-SURE = 0.95
+LEAST_SHARE_OF_DRAWS = 0.95
 """Share of the draws in which that must hold."""
-FEWEST = 3
+LEAST_SAMPLES_OF_TRANSITION = 3
 """Samples between start and finish from which the steepest part counts as measured."""
 
 _COARSE, _FINE, _PASSES = 193, 33, 3
-_MARGIN = 0.5
+_SEARCH_MARGIN = 0.5
 """How far beyond the measured range the steepest point is looked for [widths of that range]."""
 _DOUBLINGS = 12
 _STEP = 1e-3
 """Half the length of the chord that tells the slope at a given place [widths of the measured range]."""
-_SETTLED = 1e-4
+_CROSSING_TOLERANCE = 1e-4
 """A crossing has settled where a tangent laid twice as far out moves it by less than this [widths of the range]."""
 
-_FLAT = 1e-9
+_FLAT_TOLERANCE = 1e-9
 """A curve that at its steepest would rise by less than this share of its values over the whole search is flat."""
-_LEVEL = 1e-6
+_PARALLEL_TOLERANCE = 1e-6
 """Lines whose slopes differ by less than this share are parallel: a straight curve has no transformation."""
 
 
@@ -108,8 +108,8 @@ class Temperature:
     samples : int
         Measurements between start and finish.
     within_data : bool
-        Whether the measurements support both tangents, see `OUTSTANDING` and `FEWEST`; otherwise the temperature is an
-        extrapolation of the model.
+        Whether the measurements support both tangents, see `MAX_OUTSTANDING_SHARE` and `LEAST_SAMPLES_OF_TRANSITION`;
+        otherwise the temperature is an extrapolation of the model.
     """
 
     name: str
@@ -218,7 +218,10 @@ def temperatures_of_curves(
             draws,
             float(np.nanmedian(missing)) if np.isfinite(missing).any() else float("nan"),
             between,
-            bool(between >= FEWEST and np.mean(missing <= OUTSTANDING) >= SURE),
+            bool(
+                between >= LEAST_SAMPLES_OF_TRANSITION
+                and np.mean(missing <= MAX_OUTSTANDING_SHARE) >= LEAST_SHARE_OF_DRAWS
+            ),
         )
         for name, (draws, missing) in zip(names or NAMES[r.branch], ends, strict=True)
     )
@@ -249,7 +252,7 @@ def tangents(curve: Curve, low: float, high: float, guide: Curve | None = None) 
     (array([46.]), array([54.]))
     """
     width = high - low
-    middle, steepest = _steepest(guide or curve, low - _MARGIN * width, high + _MARGIN * width)
+    middle, steepest = _steepest(guide or curve, low - _SEARCH_MARGIN * width, high + _SEARCH_MARGIN * width)
     value = curve(middle[:, None])[:, 0]
     if guide is not None:
         step = _STEP * width
@@ -285,7 +288,7 @@ def _steepest(curve: Curve, low: float, high: float) -> tuple[Floats, Floats]:
     t = np.linspace(low, high, _COARSE)
     y = curve(t)
     place, slope, inside = _steepest_chord(t, y)
-    inside &= np.abs(slope) * (high - low) > _FLAT * np.abs(y).max(axis=-1)
+    inside &= np.abs(slope) * (high - low) > _FLAT_TOLERANCE * np.abs(y).max(axis=-1)
     half = 1.5 * (t[1] - t[0])
     for _ in range(_PASSES):
         near = place[:, None] + half * np.linspace(-1.0, 1.0, _FINE)
@@ -317,8 +320,10 @@ def _plateau(curve: Curve, middle: Floats, value: Floats, steepest: Floats, reac
         place, level, slope = at, y.mean(axis=-1), (y[:, 1] - y[:, 0]) / (2.0 * step)
         with np.errstate(divide="ignore", invalid="ignore"):
             crossing = middle + (level - slope * (place - middle) - value) / (steepest - slope)
-            apart = np.abs(steepest - slope) > _LEVEL * np.abs(steepest)
-            open_still = open_still & ~(apart & (np.abs(crossing - before) <= 100.0 * _SETTLED * step))
+            apart = np.abs(steepest - slope) > _PARALLEL_TOLERANCE * np.abs(steepest)
+            open_still = open_still & ~(
+                apart & (np.abs(crossing - before) <= 100.0 * _CROSSING_TOLERANCE * step)
+            )
         if not open_still.any():
             break
         reach *= 2.0

@@ -28,13 +28,13 @@ from scipy.special import expit
 from sma_bayes.arrays import Floats
 from sma_bayes.fitting.curves import CurveDraws
 
-OF_A_PHASE = 0.15
+PHASE_SLOPE_SD = 0.15
 """Standard deviation of the slopes of phases [span of the channel over the width of the sweep], that of the priors of
 models whose phases have slopes."""
-UNFINISHED = 1.0
+TRUNCATION_SLOPE_SD = 1.0
 """That of slopes at which a sweep cuts a transformation short: with a sweep 25 times as wide as the length of the tail,
 a slope of one leaves 4 % of the span outstanding."""
-_PLACES = 193
+_GRID_POINTS = 193
 """Temperatures at which the steepest slope of the model is looked for."""
 
 
@@ -79,7 +79,7 @@ def unfinished(curves: CurveDraws, channel: str) -> Unfinished | None:
     low, high = float(record.temperature.min()), float(record.temperature.max())
     width, span = high - low, float(np.ptp(record.observed[channel]))
     middle = np.median(curves.model_theta, axis=0)
-    slopes = curves.posterior.model.slope(middle, {"temperature": np.linspace(low, high, _PLACES)})
+    slopes = curves.posterior.model.slope(middle, {"temperature": np.linspace(low, high, _GRID_POINTS)})
     steepest = slopes[channel][np.argmax(np.abs(slopes[channel]))]
     if not np.isfinite(steepest) or steepest == 0.0:
         return None
@@ -104,7 +104,9 @@ def probability_unfinished(slope: Floats) -> Floats:
     >>> probability_unfinished(np.array([-0.3, 0.0, 0.3, 0.5])).round(2)
     array([0.  , 0.23, 0.68, 0.99])
     """
-    in_favour = 0.5 * slope**2 * (OF_A_PHASE**-2 - UNFINISHED**-2) + np.log(2.0 * OF_A_PHASE / UNFINISHED)
+    in_favour = 0.5 * slope**2 * (PHASE_SLOPE_SD**-2 - TRUNCATION_SLOPE_SD**-2) + np.log(
+        2.0 * PHASE_SLOPE_SD / TRUNCATION_SLOPE_SD
+    )
     return np.where(slope < 0.0, 0.0, expit(in_favour))
 
 

@@ -25,7 +25,7 @@ from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.fitting.discrepancy_weights import weights_given_residuals
 from sma_bayes.fitting.noise_choice import discrepancy_bases
 
-SMOOTHER: Final = 3
+EXTRA_DECAY_POWER: Final = 3
 """Power of their number by which eigenfunctions are smaller than those of the discrepancy of a fit."""
 
 
@@ -33,7 +33,7 @@ def with_unseen_misfit(draws: RecordDraws, rng: np.random.Generator) -> RecordDr
     """Draws whose curves miss what the readings may not show, in channels without a discrepancy."""
     posterior, record, theta = draws.posterior, draws.record, np.median(draws.theta, axis=0)
     bases = {
-        channel: basis.smoother(SMOOTHER)
+        channel: basis.smoother(EXTRA_DECAY_POWER)
         for channel, basis in discrepancy_bases(
             posterior, theta[posterior.layout[0].model], with_response=True
         )[0].items()

@@ -10,9 +10,9 @@ from sma_bayes.arrays import Floats
 from sma_bayes.effects.types import Inputs
 from sma_bayes.records.history import starts
 
-LONGEST = 200.0
+BLOCK_TIME_CONSTANTS = 200.0
 """Time constants in one block of the recursion: its weights stay far from overflow."""
-FORGOTTEN = 1e6
+MEMORY_TIME_CONSTANTS = 1e6
 """Time constants after which nothing of the past is left."""
 
 
@@ -45,7 +45,7 @@ def lagged(source: Floats, steps: Floats) -> Floats:
     new[..., 0] = source[..., 0]
     out = np.empty(shape)
     longest = np.cumsum(steps.reshape(-1, shape[-1]).max(axis=0))
-    edges = np.flatnonzero(np.diff(np.floor(longest / LONGEST), prepend=-1.0))
+    edges = np.flatnonzero(np.diff(np.floor(longest / BLOCK_TIME_CONSTANTS), prepend=-1.0))
     before = np.zeros(shape[:-1])
     for low, high in pairwise([*edges.tolist(), shape[-1]]):
         block = slice(low, high)

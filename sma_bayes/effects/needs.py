@@ -23,18 +23,18 @@ Test = Callable[[Sequence[History]], str]
 
 LEAST_CYCLES = 3
 LEAST_RUNS = 3
-MOST_MEMBERS = 24
+MAX_RANDOM_EFFECTS = 24
 """Greatest number of runs, or of cycles of all conditions, that get numbers of their own."""
-VARIES = 0.1
+LEAST_RELATIVE_VARIATION = 0.1
 """Least relative difference by which something counts as varied."""
 LEAST_REVERSALS = 2
 LONG_RECORD = 300.0
 """Length of record from which on the heat of the alloy can have reached a load cell [s]."""
-LEAST_CUT = 10
+LEAST_CUT_OFF_READINGS = 10
 """Readings at the end of a range by which it is seen."""
-NEARLY = 0.3
+MAX_CUT_OFF_RANGE = 0.3
 """Range of these, over the noise from reading to reading, up to which they count as cut off."""
-FLAT = 0.05
+MAX_PLATEAU_CHANGE = 0.05
 """Greatest change over a tenth of the temperatures on a plateau, in spans."""
 
 
@@ -111,8 +111,8 @@ def _members(group: str, what: str, least: int) -> Test:
             return f"{count} {what}(s); at least {least} are needed"
         return (
             ""
-            if count <= MOST_MEMBERS
-            else f"{count} {what}s; no more than {MOST_MEMBERS} get numbers of their own"
+            if count <= MAX_RANDOM_EFFECTS
+            else f"{count} {what}s; no more than {MAX_RANDOM_EFFECTS} get numbers of their own"
         )
 
     return test
@@ -123,7 +123,7 @@ def _several(name: str, what: str) -> Test:
         if not all(name in h.inputs for h in histories):
             return f"{what} is not known"
         levels = np.array([np.median(h.inputs[name]) for h in histories])
-        varied = np.ptp(levels) > VARIES * max(float(np.max(np.abs(levels))), 1e-300)
+        varied = np.ptp(levels) > LEAST_RELATIVE_VARIATION * max(float(np.max(np.abs(levels))), 1e-300)
         return "" if varied else f"{what} was not varied"
 
     return test
@@ -154,7 +154,7 @@ def _several_peaks(histories: Sequence[History]) -> str:
             peaks.append(float(h.inputs["temperature"][h.inputs["cycle"] == cycle].max()))
     temperature = np.concatenate([h.inputs["temperature"] for h in histories])
     span = float(np.ptp(temperature))
-    return "" if np.ptp(peaks) > VARIES * span else "the peak temperature was not varied"
+    return "" if np.ptp(peaks) > LEAST_RELATIVE_VARIATION * span else "the peak temperature was not varied"
 
 
 def _both_branches(histories: Sequence[History]) -> str:
@@ -216,7 +216,11 @@ def _plateaus(histories: Sequence[History]) -> str:
         span = float(np.ptp(h.observed["displacement"]))
         for branch in (1.0, -1.0):
             for outer, inner in _ends(h, branch):
-                flat = outer.size and inner.size and abs(np.median(outer) - np.median(inner)) < FLAT * span
+                flat = (
+                    outer.size
+                    and inner.size
+                    and abs(np.median(outer) - np.median(inner)) < MAX_PLATEAU_CHANGE * span
+                )
                 if flat:
                     return ""
     return "no plateau of the displacement was reached"
@@ -239,9 +243,9 @@ def _flat_tops(histories: Sequence[History]) -> str:
     # a curve bends the same way for a while, noise does not; the median, as few samples of a steep curve bend most
     if bends.size > 1 and np.median(bends[1:] * bends[:-1]) >= 0.0:
         noise = 0.0
-    highest = np.sort(force)[-max(LEAST_CUT, force.size // 100) :]
+    highest = np.sort(force)[-max(LEAST_CUT_OFF_READINGS, force.size // 100) :]
     again = count[-1] >= max(5.0, 3.0 * usual)
-    return "" if again or np.ptp(highest) < NEARLY * noise else "the greatest force is not cut off"
+    return "" if again or np.ptp(highest) < MAX_CUT_OFF_RANGE * noise else "the greatest force is not cut off"
 
 
 NEEDS: Final[Catalogue[Test]] = Catalogue(

@@ -15,9 +15,9 @@ from sma_bayes.parameters.space import Parameter
 
 STEEPEST, FLATTEST = -50.0, -0.2
 """Bounds of the slope that the secant method uses, which is -1 without the effect."""
-CLOSE = 1e-8
+RELATIVE_TOLERANCE = 1e-8
 """Relative error with which the shifted force is found, so that differences of it can be taken."""
-MOST_STEPS = 12
+MAX_STEPS = 12
 """Steps in which it is found, at most: some four for a usual shift, ten for one much wider than the transformation."""
 
 
@@ -57,10 +57,10 @@ def _root(excess: Callable[[Floats], Floats], start: Floats) -> Floats:
     Where the force rises with temperature the root lies between the start and the start plus the excess there. Where it
     falls there may be none or several, and steps are those of the secant method with a bounded slope.
     """
-    near = CLOSE * np.max(np.abs(start), axis=-1, keepdims=True)
+    near = RELATIVE_TOLERANCE * np.max(np.abs(start), axis=-1, keepdims=True)
     old, error = start, excess(start)
     u, new = start + error, excess(start + error)
-    for _ in range(MOST_STEPS):
+    for _ in range(MAX_STEPS):
         far = np.abs(new) > near
         if not far.any():
             break

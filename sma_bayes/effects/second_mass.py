@@ -8,7 +8,7 @@ import numpy as np
 
 from sma_bayes.arrays import Floats
 from sma_bayes.effects.latent_heat import taking
-from sma_bayes.effects.memory import FORGOTTEN, elapsed, lagged
+from sma_bayes.effects.memory import MEMORY_TIME_CONSTANTS, elapsed, lagged
 from sma_bayes.effects.types import Inputs, Response, Scales
 from sma_bayes.parameters.distributions import LogNormal
 from sma_bayes.parameters.space import Parameter
@@ -41,5 +41,5 @@ class SecondMass:
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:
         ratio, tau = theta[..., :1], np.maximum(theta[..., 1:2], 1e-12)
-        steps = np.where(starts(inputs), FORGOTTEN, elapsed(inputs) / tau)
+        steps = np.where(starts(inputs), MEMORY_TIME_CONSTANTS, elapsed(inputs) / tau)
         return response(taking(inputs, ratio * lagged(inputs["temperature"], steps)))

@@ -13,7 +13,7 @@ from sma_bayes.fitting.posterior_coordinates import NoiseScaledCoordinates, Pred
 from sma_bayes.sampling.density import Linearised
 from sma_bayes.sampling.proposals import Coordinates, FactorisedMixture, PlainCoordinates
 
-LED_BACK = 0.99
+LEAST_SHARE_INVERTED = 0.99
 """Least share of draws to which predictive coordinates must lead back."""
 
 
@@ -54,7 +54,7 @@ class LinearisedPosterior(LinearisedResponse, Linearised):
             coordinates = PredictiveCoordinates.at(self, most)
             if coordinates is None:
                 return None
-            if coordinates.forward(z)[2].mean() > LED_BACK:
+            if coordinates.forward(z)[2].mean() > LEAST_SHARE_INVERTED:
                 return coordinates
             most = coordinates.scale.size - 1
         return None

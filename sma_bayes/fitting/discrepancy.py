@@ -34,14 +34,14 @@ from sma_bayes.arrays import Floats
 from sma_bayes.fitting.sweep_functions import SweepFunctions, seen
 from sma_bayes.parameters.space import QUANTITY, ParameterSpec
 
-FUNCTIONS = 30
+EIGENFUNCTIONS = 30
 """Eigenfunctions of the smoothing spline that are kept; the next has 1/170 of the first."""
-ROUGHER = 1.0
+EXTRA_AMPLITUDE_POWER = 1.0
 """Power of their number by which eigenfunctions are larger than those of a cubic smoothing spline: amplitudes fall as
 ``k**-1`` for ``k**-2``. Intervals of the spline itself are too narrow where the misfit is local."""
 NODES = 161
 """Temperatures at which they are tabulated; a natural cubic spline runs between them and goes on straight beyond."""
-UNSEEN = 1e-12
+NEGLIGIBLE_POWER = 1e-12
 """Power of a basis function at the samples, over that of the greatest, from which it is rounding: not orthogonal to
 others, it would explain more than there is to be explained wherever a noise is small enough."""
 MEDIAN_SIZE, SIGMA_OF_SIZE = 0.01, 1.5
@@ -176,7 +176,7 @@ def build_basis(
     curve: Floats,
     tangents: Floats,
     tangents_at_nodes: Floats,
-    functions: int = FUNCTIONS,
+    functions: int = EIGENFUNCTIONS,
     *,
     with_response: bool = False,
 ) -> DiscrepancyBasis | None:
@@ -242,10 +242,10 @@ def turned(rows: Floats, axes: Floats, power: Floats) -> Floats:
     Returns
     -------
     ndarray, shape (k, n)
-        Zero where samples see nothing of a function (`UNSEEN`).
+        Zero where samples see nothing of a function (`NEGLIGIBLE_POWER`).
     """
     found = np.asarray(axes.T @ rows)
-    found[power < UNSEEN * power.max()] = 0.0
+    found[power < NEGLIGIBLE_POWER * power.max()] = 0.0
     return found
 
 
@@ -285,9 +285,12 @@ def _passed(series: Floats) -> Floats:
 def _eigenfunctions() -> tuple[Floats, Floats]:
     """Coordinates (G,) and the leading eigenfunctions (G, k) there, each times the root of its variance."""
     u = np.linspace(0.0, 1.0, NODES)
-    kept = (NODES - FUNCTIONS - 2, NODES - 1)
+    kept = (NODES - EIGENFUNCTIONS - 2, NODES - 1)
     variance, vectors = eigh(_spline_kernel(u), subset_by_index=kept)
-    size = np.sqrt(np.maximum(variance[::-1], 0.0)) * np.arange(1.0, variance.size + 1.0) ** ROUGHER
+    size = (
+        np.sqrt(np.maximum(variance[::-1], 0.0))
+        * np.arange(1.0, variance.size + 1.0) ** EXTRA_AMPLITUDE_POWER
+    )
     return u, np.asarray(vectors[:, ::-1] * size)
 
 

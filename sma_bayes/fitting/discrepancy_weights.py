@@ -24,9 +24,9 @@ from sma_bayes.noise.information import Information
 
 GREATEST_INFORMATION = 1e14
 """Information about weights, in units of that of their prior, beyond which a point counts as impossible."""
-STEPS = 6
+SCORING_STEPS = 6
 """Steps of Fisher scoring to the likeliest weights under noise that is not normal."""
-SIZES = np.linspace(-2.5, 2.5, 41)
+LN_SIZE_GRID = np.linspace(-2.5, 2.5, 41)
 """Sizes over which is summed where a curve stands, in standard deviations of the logarithm about its median."""
 
 
@@ -84,7 +84,7 @@ class Whitened:
         if self.noise.is_gaussian:
             return v
         damping = self.noise.damping(self.shape)[:, None]
-        for _ in range(STEPS):
+        for _ in range(SCORING_STEPS):
             left = self.noise.decorrelate(self.e - weights.series(v), self.shape, self.steps)
             v = v + damping * weights.solve(weights.project(self.noise.score(left, self.shape)) - v)
         return v
@@ -449,7 +449,9 @@ def weights_given_residuals(rows: Floats, residual: Floats, span: float) -> Weig
     information, axes = np.linalg.eigh(rows @ rows.T)
     information = np.maximum(information, 0.0)
     pull = axes.T @ (rows @ residual)
-    size = MEDIAN_SIZE * span * np.exp(SIGMA_OF_SIZE * SIZES)
+    size = MEDIAN_SIZE * span * np.exp(SIGMA_OF_SIZE * LN_SIZE_GRID)
     variance = 1.0 / (information + size[:, None] ** -2)
     log_density = 0.5 * np.sum(variance * pull**2 - np.log1p(size[:, None] ** 2 * information), axis=1)
-    return WeightsGivenResiduals(axes, size, variance * pull, variance, softmax(log_density - 0.5 * SIZES**2))
+    return WeightsGivenResiduals(
+        axes, size, variance * pull, variance, softmax(log_density - 0.5 * LN_SIZE_GRID**2)
+    )

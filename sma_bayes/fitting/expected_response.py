@@ -21,7 +21,7 @@ from sma_bayes.records.types import Record
 
 ROUNDS: Final = 4
 """Rounds in which the variance of the readings follows the parameters."""
-QUIET: Final = 0.1
+NEGLIGIBLE_TEMPERATURE_VARIANCE: Final = 0.1
 """Variance that the error of the thermometer makes, over that of the noise, up to which it hardly shows."""
 
 
@@ -117,7 +117,7 @@ class _ExpectedSquares(SumOfSquares):
 def quiet(record: Record, moments: Moments) -> dict[str, Bools]:
     """Channel to the readings (n,) in which the error of the thermometer makes little beside the noise."""
     sd = _deviation(record, moments)
-    return {c: v <= QUIET * (sd[c] ** 2 - v) for c, v in moments.variance.items()}
+    return {c: v <= NEGLIGIBLE_TEMPERATURE_VARIANCE * (sd[c] ** 2 - v) for c, v in moments.variance.items()}
 
 
 def _deviation(record: Record, moments: Moments) -> dict[str, Floats]:

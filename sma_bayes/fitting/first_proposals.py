@@ -21,18 +21,18 @@ from sma_bayes.sampling.proposals import FactorisedMixture, StudentMixture
 from sma_bayes.sampling.shape import spread
 from sma_bayes.sampling.weighted import Weights, tempered
 
-GRID = np.linspace(-5.0, 5.0, 41)
+MARGINAL_GRID = np.linspace(-5.0, 5.0, 41)
 """Where the marginal of a single noise parameter is looked at, in standard deviations of the Laplace approximation."""
-POINTS = 441
+GRID_POINTS = 441
 """Points of such a grid for several noise parameters of a channel."""
-ON_A_GRID = 2
+MAX_GRID_PARAMETERS = 2
 """Noise parameters of a channel, at most, for which there is a grid."""
-AGAIN, DRAWN_AGAIN, COMPONENTS = 4, 1000, 8
+MAX_MIXTURE_REFITS, REFIT_DRAWS, COMPONENTS = 4, 1000, 8
 """How often, at most, a mixture for more parameters than that is fitted once more to points drawn from itself, how many
 these are, and its components."""
-FITS = 0.8
+GOOD_EFFICIENCY = 0.8
 """Share of such points that count from which a mixture is left as it is."""
-NEARLY_NORMAL = 30.0
+NEARLY_NORMAL_DF = 30.0
 """Degrees of freedom of what is normal where the response is linear."""
 
 
@@ -58,13 +58,13 @@ def first_mixture(
     noise = [block for block in noise if block.size]
     alone = [int(block[0]) for block in noise if block.size == 1]
     fits = iter(_fit_alone(coordinates, centre, np.array(alone) - m, np.diag(covariance)[alone]))
-    parts = [StudentMixture(np.ones(1), np.zeros((1, m)), _standard(m), NEARLY_NORMAL)]
+    parts = [StudentMixture(np.ones(1), np.zeros((1, m)), _standard(m), NEARLY_NORMAL_DF)]
     for block in noise:
         if block.size == 1:
             parts.append(next(fits))
             continue
         marginal = coordinates.log_noise_marginal
-        if block.size > ON_A_GRID and not posterior.noise.is_gaussian:
+        if block.size > MAX_GRID_PARAMETERS and not posterior.noise.is_gaussian:
             # what is linear and normal tells little of the noise
             marginal = partial(_marginal_along_the_ridge, posterior, coordinates)
         parts.append(_fit_together(marginal, centre, block - m, covariance[np.ix_(block, block)], rng))
@@ -73,7 +73,7 @@ def first_mixture(
 
 def _standard(m: int) -> Floats:
     """Root (1, m, m) of the scale matrix with which what is nearly normal has unit variance."""
-    return math.sqrt((NEARLY_NORMAL - 2.0) / NEARLY_NORMAL) * np.eye(m)[None]
+    return math.sqrt((NEARLY_NORMAL_DF - 2.0) / NEARLY_NORMAL_DF) * np.eye(m)[None]
 
 
 def _fit_alone(
@@ -85,16 +85,18 @@ def _fit_alone(
     """
     if at.size == 0:
         return []
-    x = centre[at, None] + np.sqrt(variance)[:, None] * GRID
-    noise_z = np.tile(centre, (at.size, GRID.size, 1))
+    x = centre[at, None] + np.sqrt(variance)[:, None] * MARGINAL_GRID
+    noise_z = np.tile(centre, (at.size, MARGINAL_GRID.size, 1))
     noise_z[np.arange(at.size), :, at] = x
     log_marginal = coordinates.log_noise_marginal(noise_z.reshape(-1, centre.size)).reshape(x.shape)
     fits = []
-    for values, log_weight, least in zip(x, log_marginal, variance * (GRID[1] - GRID[0]) ** 2, strict=True):
+    for values, log_weight, least in zip(
+        x, log_marginal, variance * (MARGINAL_GRID[1] - MARGINAL_GRID[0]) ** 2, strict=True
+    ):
         weight = Weights(log_weight).normalised
         mean = float(weight @ values)
         sd = math.sqrt(max(float(weight @ (values - mean) ** 2), least))
-        fits.append(StudentMixture(np.ones(1), np.full((1, 1), mean), sd * _standard(1), NEARLY_NORMAL))
+        fits.append(StudentMixture(np.ones(1), np.full((1, 1), mean), sd * _standard(1), NEARLY_NORMAL_DF))
     return fits
 
 
@@ -124,13 +126,13 @@ def _fit_together(
     The marginal is looked at on a grid along the axes of its covariance, which is that of the Laplace approximation
     at first, then that of the grid before.
     """
-    if block.size <= ON_A_GRID:
-        axis = np.linspace(GRID[0], GRID[-1], round(POINTS ** (1.0 / block.size)))
+    if block.size <= MAX_GRID_PARAMETERS:
+        axis = np.linspace(MARGINAL_GRID[0], MARGINAL_GRID[-1], round(GRID_POINTS ** (1.0 / block.size)))
         grid = np.stack(np.meshgrid(*[axis] * block.size), axis=-1).reshape(-1, block.size)
         log_q = np.zeros(len(grid))
     else:  # a grid would be too coarse: points drawn from heavy tails, each by its weight
         heavy = StudentMixture(np.ones(1), np.zeros((1, block.size)), np.eye(block.size)[None], 4.0)
-        grid = heavy.draw(rng, POINTS)
+        grid = heavy.draw(rng, GRID_POINTS)
         log_q = heavy.log_density(grid)
 
     def at(x: Floats) -> Floats:
@@ -142,13 +144,13 @@ def _fit_together(
     for _ in range(3):
         x = mean + grid @ np.linalg.cholesky(covariance).T
         weights = Weights(at(x) - log_q)
-        weight = weights.normalised if block.size <= ON_A_GRID else tempered(weights)
+        weight = weights.normalised if block.size <= MAX_GRID_PARAMETERS else tempered(weights)
         mean = weight @ x
         covariance = ((x - mean) * weight[:, None]).T @ (x - mean) + 1e-3 * covariance
     first = StudentMixture.from_covariances(np.ones(1), mean[None], covariance[None], 5.0)
     fitted = spread(first, rng, 4).refitted(x, weight, rounds=15)
     mixture = _reaching_out(fitted, first)
-    return mixture if block.size <= ON_A_GRID else _fitted_again(mixture, at, rng.spawn(1)[0])
+    return mixture if block.size <= MAX_GRID_PARAMETERS else _fitted_again(mixture, at, rng.spawn(1)[0])
 
 
 def _reaching_out(fitted: StudentMixture, about: StudentMixture) -> StudentMixture:
@@ -170,12 +172,12 @@ def _fitted_again(
     """
     best, greatest = mixture, 0.0
     points, shares = [], []
-    for _ in range(AGAIN):
-        x = mixture.draw(rng, DRAWN_AGAIN)
+    for _ in range(MAX_MIXTURE_REFITS):
+        x = mixture.draw(rng, REFIT_DRAWS)
         weights = Weights(log_density(x) - mixture.log_density(x))
         if weights.efficiency > greatest:
             best, greatest = mixture, weights.efficiency
-        if weights.efficiency >= FITS:
+        if weights.efficiency >= GOOD_EFFICIENCY:
             break
         weight = tempered(weights)
         points.append(x)

@@ -21,7 +21,7 @@ from sma_bayes.records.types import Calibration, Record
 if TYPE_CHECKING:
     from sma_bayes.sampling.ensembles import Draws
 
-KEPT = 500
+DRAWS_PER_ENSEMBLE = 500
 """Draws that are kept of each ensemble."""
 
 
@@ -123,10 +123,10 @@ class Fit:
 
 
 def kept(draws: Draws) -> Floats:
-    """Draws (G, N, D) in sampled coordinates, evenly thinned to `KEPT` of each ensemble at most."""
+    """Draws (G, N, D) in sampled coordinates, evenly thinned to `DRAWS_PER_ENSEMBLE` of each ensemble at most."""
     groups, steps, walkers, d = draws.z.shape
     joined = np.swapaxes(draws.z, 1, 2).reshape(groups, walkers * steps, d)
-    at = np.linspace(0, joined.shape[1] - 1, min(KEPT, joined.shape[1])).round().astype(int)
+    at = np.linspace(0, joined.shape[1] - 1, min(DRAWS_PER_ENSEMBLE, joined.shape[1])).round().astype(int)
     return np.asarray(joined[:, at])
 
 

@@ -30,20 +30,20 @@ from sma_bayes.sampling.factors import sample_by_factors
 
 AUTO = "auto"
 """Name of the choice of the noise model from what the warm start leaves."""
-SEEN = 0.5
+LEAST_ADJUSTED_R2 = 0.5
 """Adjusted R² of the least-squares curve below which it can't be seen for the noise; of noise alone it is some 0.3 with
 the fewest samples, because the curve follows them."""
-ONE_SD = np.array([0.1587, 0.8413])
+ONE_SD_QUANTILES = np.array([0.1587, 0.8413])
 """Levels of the quantiles a standard deviation from the median of a normal distribution."""
 UNDETERMINED_EVALUATIONS, UNSEEN_EVALUATIONS = 30_000, 12_000
 """Evaluations after which nothing else is tried, of a posterior whose curve is not determined, or whose curve can't be
 seen or is met exactly, or whose records are doubted: little follows from its draws, and to converge may take millions.
 Where the first proposals do it takes some ten thousand, with a discrepancy beside the curve twice that. Of 24 records
 of noise alone none converged with six times as much."""
-EXACT = 1e-8
+EXACT_NOISE_SHARE = 1e-8
 """Standard deviation of the noise over the range of a channel below which readings were computed, not measured: the
 rounding of a converter of 24 bits, the finest of loggers, alone makes 1.7e-8 of its range."""
-UNDETERMINED_BLOCK = 48
+UNDETERMINED_BLOCK_STEPS = 48
 """Steps of a block of other moves, of both."""
 
 
@@ -151,17 +151,17 @@ def with_what_is_worth_it(plan: Plan, posterior: Posterior, start: WarmStart, *,
     return replace(
         plan,
         evaluations=min(plan.evaluations, most),
-        explore_block=min(plan.explore_block, UNDETERMINED_BLOCK),
+        explore_block=min(plan.explore_block, UNDETERMINED_BLOCK_STEPS),
     )
 
 
 def seen(start: WarmStart) -> bool:
     """Whether each channel of the least-squares curve can be seen for the noise, in one record at least."""
-    return all(any(fit[c].adj_r2 >= SEEN for fit in start.fit) for c in start.fit[0])
+    return all(any(fit[c].adj_r2 >= LEAST_ADJUSTED_R2 for fit in start.fit) for c in start.fit[0])
 
 
 def exact_channels(posterior: Posterior, theta: Floats, record: int) -> tuple[str, ...]:
-    """Channels of a record that have no noise to speak of: numbers that were computed, not measured (`EXACT`).
+    """Channels of a record without noise: numbers that were computed, not measured (`EXACT_NOISE_SHARE`).
 
     Parameters
     ----------
@@ -172,7 +172,7 @@ def exact_channels(posterior: Posterior, theta: Floats, record: int) -> tuple[st
     return tuple(
         channel
         for channel, at in posterior.layout[record].noise.items()
-        if theta[at[0]] < EXACT * posterior.observed_range(record, channel)[1]
+        if theta[at[0]] < EXACT_NOISE_SHARE * posterior.observed_range(record, channel)[1]
     )
 
 
@@ -187,7 +187,7 @@ def excluded(posterior: Posterior, start: WarmStart) -> bool:
     vague: dict[str, bool] = {}
     for i, fact in enumerate(model.facts):
         if fact.role is Role.MIDPOINT and parameters[i].fixed is None:
-            low, high = parameters[i].prior.quantile(ONE_SD)
+            low, high = parameters[i].prior.quantile(ONE_SD_QUANTILES)
             vague[fact.channel] = vague.get(fact.channel, True) and bool(start.sd[i] > 0.5 * (high - low))
     return any(vague.values())
 

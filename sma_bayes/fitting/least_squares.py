@@ -19,7 +19,7 @@ from scipy import optimize
 from sma_bayes.arrays import Floats
 from sma_bayes.errors import MeasurementError, SmaBayesError, require_known
 from sma_bayes.fitting.posterior import build_posterior
-from sma_bayes.fitting.warm_start import OVERFLOW, warm_start
+from sma_bayes.fitting.warm_start import OVERFLOW_VALUE, warm_start
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.records.types import Record
 from sma_bayes.response import DEFAULT_MODEL, RESPONSE_MODELS
@@ -28,21 +28,21 @@ from sma_bayes.response.base import ResponseModel
 if TYPE_CHECKING:
     import pandas as pd
 
-TOLERANCE = 1e-15
+RELATIVE_TOLERANCE = 1e-15
 """Relative changes of the sum of squares and of the parameters below which a search ends."""
-EVALUATIONS = 20_000
+MAX_EVALUATIONS = 20_000
 """Most evaluations of the residuals in a search."""
-POLISHED = 100
+MAX_GAUSS_NEWTON_STEPS = 100
 """Most Gauss-Newton steps at the end."""
-SHORTER = 0.95
+STEP_RATIO = 0.95
 """Each of them is shorter than the one before by this, or more."""
-FLAT = 1.0 + 1e-10
+EQUAL_SUM_RATIO = 1.0 + 1e-10
 """Sums of squares whose ratio is less are the same but for rounding."""
-ORTHOGONAL = 1e-3
+MAX_TANGENT_SHARE = 1e-3
 """Share of the residuals that the tangent plane may still explain (Bates and Watts 1981, Technometrics 23, 179)."""
-ROUNDINGS = 4.0
+ROUNDING_ULPS = 4.0
 """Relative errors of a response, in units of the last place, below which nothing is left to explain."""
-REWEIGHTED = 10
+REWEIGHTING_ROUNDS = 10
 """Rounds in which the weights of several channels follow their residuals."""
 
 
@@ -225,7 +225,7 @@ class _Squares:
         with np.errstate(all="ignore"):
             found = [self.model.jacobian(theta, r.inputs) for r in self.records]
         blocks = [self.weights[c] * j[c][:, self.free] for c in self.channels for j in found]
-        return np.asarray(np.nan_to_num(np.clip(np.concatenate(blocks), -OVERFLOW, OVERFLOW)))
+        return np.asarray(np.nan_to_num(np.clip(np.concatenate(blocks), -OVERFLOW_VALUE, OVERFLOW_VALUE)))
 
     def cost(self, theta: Floats) -> float:
         vector = _tame(self.joined(theta))
@@ -235,7 +235,7 @@ class _Squares:
         """Estimate of all parameters; where there are several channels, their weights follow the residuals."""
         self._weigh(None)
         theta = self._lowest(theta)
-        for _ in range(REWEIGHTED if len(self.channels) > 1 else 0):
+        for _ in range(REWEIGHTING_ROUNDS if len(self.channels) > 1 else 0):
             before = dict(self.weights)
             self._weigh(theta)
             theta = self._lowest(theta)
@@ -259,7 +259,7 @@ class _Squares:
         end = self._descend(theta)
         if self.linear.any():
             other = self._descend(self._project(theta))
-            if FLAT * self.cost(other) < self.cost(end):
+            if EQUAL_SUM_RATIO * self.cost(other) < self.cost(end):
                 end = other
         return self._polish(end)
 
@@ -305,14 +305,14 @@ class _Squares:
     def _polish(self, theta: Floats) -> Floats:
         """Undamped steps while they get shorter: the way that the sum of squares, flat at its least, does not show."""
         last = np.inf
-        for _ in range(POLISHED):
+        for _ in range(MAX_GAUSS_NEWTON_STEPS):
             j = self.jacobian(theta)
             size = np.linalg.norm(j, axis=0)
             size[size == 0.0] = 1.0
             step = np.linalg.lstsq(j / size, _tame(self.joined(theta)), rcond=None)[0]
             length = float(np.linalg.norm(step))
             better = self._with(theta, self.free, theta[self.free] + step / size)
-            if not (length < SHORTER * last and self.cost(better) <= FLAT * self.cost(theta)):
+            if not (length < STEP_RATIO * last and self.cost(better) <= EQUAL_SUM_RATIO * self.cost(theta)):
                 break
             theta, last = better, length
         return theta
@@ -361,13 +361,13 @@ class _Squares:
         rank = int(solid.sum())
         explained = float(np.linalg.norm(u[:, solid].T @ r))
         left = float(np.linalg.norm(r)) * np.sqrt(rank / max(r.size - rank, 1))
-        rounding = ROUNDINGS * np.finfo(float).eps * float(np.linalg.norm(self.observed()))
-        return error, rank, bool(explained < ORTHOGONAL * left or explained <= rounding)
+        rounding = ROUNDING_ULPS * np.finfo(float).eps * float(np.linalg.norm(self.observed()))
+        return error, rank, bool(explained < MAX_TANGENT_SHARE * left or explained <= rounding)
 
 
 def _tame(vector: Floats) -> Floats:
     """Residuals with what overflowed at a size whose square does not."""
-    return np.asarray(np.nan_to_num(np.clip(vector, -OVERFLOW, OVERFLOW), nan=OVERFLOW))
+    return np.asarray(np.nan_to_num(np.clip(vector, -OVERFLOW_VALUE, OVERFLOW_VALUE), nan=OVERFLOW_VALUE))
 
 
 def _levenberg_marquardt(
@@ -379,9 +379,9 @@ def _levenberg_marquardt(
         jac=jacobian,
         method="lm",
         x_scale="jac",
-        ftol=TOLERANCE,
-        xtol=TOLERANCE,
-        gtol=TOLERANCE,
-        max_nfev=EVALUATIONS,
+        ftol=RELATIVE_TOLERANCE,
+        xtol=RELATIVE_TOLERANCE,
+        gtol=RELATIVE_TOLERANCE,
+        max_nfev=MAX_EVALUATIONS,
     )
     return np.asarray(found.x, dtype=float)

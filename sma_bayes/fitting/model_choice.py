@@ -25,7 +25,7 @@ from sma_bayes.records.types import Record
 from sma_bayes.response.base import ResponseModel
 from sma_bayes.sampling.laplace import find_mode
 
-EARNED = 3.0
+LEAST_LN_EVIDENCE_GAIN = 3.0
 """What a richer curve must gain in ln evidence: odds of 20 to 1."""
 FOLDS, BLOCKS = 4, 24
 """Folds of held-out samples, and stretches of temperature that are dealt out to them in turn."""
@@ -148,9 +148,9 @@ def support_of(prepared: Sequence[Prepared]) -> Support:
 def best_supported(support: Sequence[Support]) -> ModelChoice:
     """Choose one model for all records.
 
-    A model takes the place of the one chosen so far if its evidence is greater by `EARNED` and its least-squares curve
-    misses less of what is held out (stretches of temperature, each fold fitted without them). Evidences are added up,
-    what is missed is averaged. Models that can't be fitted to all records are left out.
+    A model takes the place of the one chosen so far if its evidence is greater by `LEAST_LN_EVIDENCE_GAIN` and its
+    least-squares curve misses less of what is held out (stretches of temperature, each fold fitted without them).
+    Evidences are added up, what is missed is averaged. Models that can't be fitted to all records are left out.
 
     Parameters
     ----------
@@ -162,7 +162,7 @@ def best_supported(support: Sequence[Support]) -> ModelChoice:
     missed = {n: float(np.mean([s.held_out[n] for s in support])) for n in names}
     best = names[0]
     for name in names[1:]:
-        if evidence[name] > evidence[best] + EARNED and missed[name] < missed[best]:
+        if evidence[name] > evidence[best] + LEAST_LN_EVIDENCE_GAIN and missed[name] < missed[best]:
             best = name
     top = evidence[best] if np.isfinite(evidence[best]) else 0.0
     relative = {n: e - top for n, e in evidence.items()}

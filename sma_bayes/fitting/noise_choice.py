@@ -41,32 +41,32 @@ from sma_bayes.parameters.space import ParameterSpace
 from sma_bayes.records.types import Record
 from sma_bayes.sampling.laplace import find_mode
 
-EVEN = 0.05
+EVEN_STEP_TOLERANCE = 0.05
 """Relative spread of the time steps below which samples count as evenly spaced."""
-SIGN = 1.3
+LEAST_STANDARD_ERRORS = 1.3
 """Standard errors from which a sign counts: one false sign in five, so that hardly any true one is overlooked."""
-EARNED = 1.5
+LEAST_LN_EVIDENCE_GAIN = 1.5
 """What a memory, heavy tails, and a discrepancy beside or instead of a memory must each gain in ln evidence."""
-EARNED_BEYOND = 2.0
+LEAST_LN_EVIDENCE_GAIN_OF_VARIANCE = 2.0
 """What growth and an error of the thermometer must gain: they are looked at last, beside the best of the others."""
-REFUTED = 2.0
+MEMORY_LN_EVIDENCE_LOSS = 2.0
 """ln evidence that a memory beside a discrepancy must lack to be dropped: one sweep hardly tells it from what the
 discrepancy does not resolve."""
-REACH = 10.0
+CHANGE_SD_RANGES = 10.0
 """Standard deviation, in ranges of the channel, of what a change of the parameters may do to the curve."""
-FINE = 2001
+BASIS_GRID_POINTS = 2001
 """Temperatures at which a curve is looked at to lay out the basis of its discrepancy."""
-LONGEST_MEMORY = 0.5
+MAX_MEMORY_SWEEPS = 0.5
 """Samples that count as one under a noise model, as a share of a sweep, from which its memory is no noise."""
-SHORT = 12.0
+MAX_MEMORY_SAMPLES = 12.0
 """Samples that may count as one beside a discrepancy, however many functions it has."""
-SIMPLER = {"growing": EARNED, "temperature_error": 15.0}
+LEAST_LN_EVIDENCE_GAIN_OVER = {"growing": LEAST_LN_EVIDENCE_GAIN, "temperature_error": 15.0}
 """What a series other than the simplest must gain beside growth or an error of the thermometer."""
-WIDE = 2.0
+LN_NOISE_SD = 2.0
 """Standard deviation of ln sd a priori where descriptions are compared: how much of the residuals is noise is open."""
 SIMPLEST = "independent"
 ROUNDED = "rounded"
-COARSE = 2.0
+VISIBLE_ROUNDING_STEP = 2.0
 """Step of the readings, in standard deviations of the noise before rounding, from which rounding is described."""
 
 Bases = tuple[Mapping[str, DiscrepancyBasis], ...]
@@ -124,13 +124,14 @@ def choose_noise(
     Noise models that are a density of the data compete; those that need time are left out where time was not recorded
     or its steps are even. Independent normal noise is looked at first. Models with a memory, with heavy tails, growth
     with the response and an error of the thermometer are looked at only where what it leaves shows a sign of such a
-    thing (`SIGN`), and taken where they gain `EARNED`, or `EARNED_BEYOND`, over what is simpler; beside growth or an
-    error of the thermometer only what still earns its place stays, but for a memory beside a discrepancy, which stays
-    unless it lacks `REFUTED`. Discrepancies are taken where the evidence of all
-    channels together is greater with them (by `EARNED` beside a memory, which a smooth misfit resembles): force and
-    displacement are of one specimen, and where the curve fails in one of them the other, in more noise, is no better
-    known. Before another series a discrepancy counts as a memory does. Where records have several sweeps all of this is
-    done once more with what each sweep has of its own beside the discrepancy, which is taken where it gains `EARNED`.
+    thing (`LEAST_STANDARD_ERRORS`), and taken where they gain `LEAST_LN_EVIDENCE_GAIN`, or
+    `LEAST_LN_EVIDENCE_GAIN_OF_VARIANCE`, over what is simpler; beside growth or an error of the thermometer only what
+    still earns its place stays, but for a memory beside a discrepancy, which stays unless it lacks
+    `MEMORY_LN_EVIDENCE_LOSS`. Discrepancies are taken where the evidence of all channels together is greater with them
+    (by `LEAST_LN_EVIDENCE_GAIN` beside a memory, which a smooth misfit resembles): force and displacement are of one
+    specimen, and where the curve fails in one of them the other, in more noise, is no better known. Before another
+    series a discrepancy counts as a memory does. Where records have several sweeps all of this is done once more with
+    what each sweep has of its own beside the discrepancy, which is taken where it gains `LEAST_LN_EVIDENCE_GAIN`.
     Growth and an error of the thermometer take no part in that, on neither side: they follow the common curve, would
     tell where it lies by how the noise of sweeps changes that lie elsewhere, and sweeps that are shifted scatter most
     where the curve is steep, which is what an error of the thermometer does to readings.
@@ -154,7 +155,7 @@ def choose_noise(
         apart = residuals.with_sweeps_apart()
         if apart is not None:
             other, of_other = _chosen(apart, noise)
-            if _sweeps_apart(other.bases) and of_other > supported + EARNED:
+            if _sweeps_apart(other.bases) and of_other > supported + LEAST_LN_EVIDENCE_GAIN:
                 return other
     return choice
 
@@ -198,7 +199,9 @@ def _chosen(residuals: _Residuals, noise: str | None) -> tuple[NoiseChoice, floa
             and (signs.memory or not model.autocorrelated)
             and (model.is_gaussian or signs.tails)
         ]
-        best = max(names, key=lambda n: look(n).supported - EARNED * _features(NOISE_MODELS[n]))
+        best = max(
+            names, key=lambda n: look(n).supported - LEAST_LN_EVIDENCE_GAIN * _features(NOISE_MODELS[n])
+        )
         series_alone = look(best).supported
         signs = signs.joined(residuals.signs(look(best)))
         for suffix, sign in (("growing", signs.growth), ("temperature_error", signs.slope)):
@@ -208,14 +211,14 @@ def _chosen(residuals: _Residuals, noise: str | None) -> tuple[NoiseChoice, floa
             extended = "+".join([series, *others, suffix])
             # what the slope explains is not to be explained by tails or a memory besides; in the moments that are
             # looked at here a large error of the thermometer leaves tails of its own
-            enough = look(extended).supported - SIMPLER[suffix]
+            enough = look(extended).supported - LEAST_LN_EVIDENCE_GAIN_OVER[suffix]
             simpler = ("+".join([s, *others, suffix]) for s in (SIMPLEST, *_without_tails(series, names)))
             extended = next((s for s in simpler if look(s).supported > enough), extended)
-            if look(extended).supported > look(best).supported + EARNED_BEYOND:
+            if look(extended).supported > look(best).supported + LEAST_LN_EVIDENCE_GAIN_OF_VARIANCE:
                 best = extended
         best = _without_what_is_not_needed(best, names, lambda name: look(name).supported)
         if any(look(best).bases):
-            enough = look(best).ln_evidence - REFUTED
+            enough = look(best).ln_evidence - MEMORY_LN_EVIDENCE_LOSS
             allowed = (n for n in _with_memory(best) if any(look(n).bases) and look(n).ln_evidence > enough)
             best = next(allowed, best)
     chosen = found[best]
@@ -270,11 +273,14 @@ def _without_what_is_not_needed(name: str, series: Sequence[str], supported: Cal
     """An extended noise model, less what it no longer earns: growth and errors of temperature look like heavy tails."""
     while "+" in name:
         first, *suffixes = name.split("+")
-        simpler = {"+".join([first, *(x for x in suffixes if x != s)]): EARNED_BEYOND for s in suffixes}
+        simpler = {
+            "+".join([first, *(x for x in suffixes if x != s)]): LEAST_LN_EVIDENCE_GAIN_OF_VARIANCE
+            for s in suffixes
+        }
         for other in series:
             lighter = NOISE_MODELS[other].is_gaussian and not NOISE_MODELS[first].is_gaussian
             if other != first and (lighter or other == SIMPLEST):
-                simpler["+".join([other, *suffixes])] = EARNED
+                simpler["+".join([other, *suffixes])] = LEAST_LN_EVIDENCE_GAIN
         kept = max(simpler, key=lambda s: supported(s) + simpler[s])
         if supported(kept) + simpler[kept] < supported(name):
             break
@@ -316,7 +322,11 @@ def _reason(
         if _sweeps_apart(description.bases):
             beside += ", and what each sweep has of its own,"
         parts.append(f"{beside} gains {gains} in ln evidence")
-        if NOISE_MODELS[name].autocorrelated and others and rivals[name] - others[0][0] < EARNED:
+        if (
+            NOISE_MODELS[name].autocorrelated
+            and others
+            and rivals[name] - others[0][0] < LEAST_LN_EVIDENCE_GAIN
+        ):
             parts.append("beside it a memory stays unless the evidence is against it")
     return f"{title}: {'; '.join(parts)}"
 
@@ -337,7 +347,7 @@ class _Description:
     def supported(self) -> float:
         """The evidence less what a discrepancy must earn before another noise model: as much as a memory."""
         gained = sum(g for g in self.gain.values() if np.isfinite(g)) if any(self.bases) else 0.0
-        return self.ln_evidence - min(EARNED, gained)
+        return self.ln_evidence - min(LEAST_LN_EVIDENCE_GAIN, gained)
 
 
 def _sweeps_apart(bases: Sequence[Mapping[str, DiscrepancyBasis]]) -> bool:
@@ -376,10 +386,10 @@ class _Signs:
         kurtosis = float(np.mean(((e - e.mean()) / spread) ** 4)) - 3.0 if spread > 0.0 else 0.0
         size = np.log(np.maximum(np.abs(e), 1e-3 * np.sqrt(square)))
         return _Signs(
-            abs(float(lag1(np.where(at, e, 0.0), steps.first))) * root > SIGN,
-            kurtosis > SIGN * float(np.sqrt(24.0 / n)),
-            abs(_correlation(size[at], response[at])) * root > SIGN,
-            _correlation(size, slope**2) * np.sqrt(n) > SIGN,
+            abs(float(lag1(np.where(at, e, 0.0), steps.first))) * root > LEAST_STANDARD_ERRORS,
+            kurtosis > LEAST_STANDARD_ERRORS * float(np.sqrt(24.0 / n)),
+            abs(_correlation(size[at], response[at])) * root > LEAST_STANDARD_ERRORS,
+            _correlation(size, slope**2) * np.sqrt(n) > LEAST_STANDARD_ERRORS,
         )
 
 
@@ -455,7 +465,7 @@ class _Residuals:
         return replace(steps, first=steps.first | loud | np.concatenate([[False], loud[:-1]]))
 
     def coarse(self, description: _Description) -> dict[str, float]:
-        """Channels with readings in steps of more than `COARSE` standard deviations of the noise before rounding.
+        """Channels with readings in steps of more than `VISIBLE_ROUNDING_STEP` standard deviations of their noise.
 
         Returns
         -------
@@ -465,7 +475,7 @@ class _Residuals:
         found: dict[str, float] = {}
         if self.bent:
             return found
-        least = COARSE / np.sqrt(1.0 + COARSE**2 / 12.0)
+        least = VISIBLE_ROUNDING_STEP / np.sqrt(1.0 + VISIBLE_ROUNDING_STEP**2 / 12.0)
         for record, own in zip(self.posterior.records, description.estimate, strict=True):
             step = RecordScales.of([record]).step
             for channel in record.channels:
@@ -511,7 +521,7 @@ class _Residuals:
                 found[i, channel] = (alone, beside)
                 gain[channel] += -np.inf if beside is None else beside.ln_evidence - alone.ln_evidence
         # beside a memory, which a smooth misfit resembles, it has to earn its place as the memory has
-        enough = EARNED if noise.autocorrelated else 0.0
+        enough = LEAST_LN_EVIDENCE_GAIN if noise.autocorrelated else 0.0
         stands = sum(g for g in gain.values() if np.isfinite(g)) > enough
         bases: list[dict[str, DiscrepancyBasis]] = []
         estimate: list[dict[str, Floats]] = []
@@ -544,14 +554,14 @@ class _Residuals:
         """Samples that may count as one beside a discrepancy: as many as there are for each of its functions."""
         if basis is None or not noise.autocorrelated:
             return None
-        return max(SHORT, self.posterior.steps[i].longest / basis.count)
+        return max(MAX_MEMORY_SAMPLES, self.posterior.steps[i].longest / basis.count)
 
     def _is_noise(self, noise: NoiseModel, i: int, found: _FittedNoise) -> bool:
         """Whether a memory is shorter than half a sweep; one as long as the sweep is misfit, whatever it is called."""
         if not noise.autocorrelated:
             return True
         steps = self.posterior.steps[i]
-        return noise.memory(noise.shape_of(found.theta), steps) < LONGEST_MEMORY * steps.longest
+        return noise.memory(noise.shape_of(found.theta), steps) < MAX_MEMORY_SWEEPS * steps.longest
 
     def _look(
         self,
@@ -572,7 +582,7 @@ class _Residuals:
         density = _ResidualDensity(
             space, noise, self.steps(i, channel), residual, _orthonormal(tangents), basis, slots,
             self.slope[i][channel], self.moments[i].variance[channel], self.response(i, channel),
-            REACH * span * np.sqrt(record.n),
+            CHANGE_SD_RANGES * span * np.sqrt(record.n),
         )  # fmt: skip
         best: _FittedNoise | None = None
         for z in density.starts():
@@ -633,7 +643,7 @@ def _space(
         felt = len(facts)
         facts.append(temperature_sd_fact(record.units["temperature"]))
     parameters = [priors.parameter(fact, record.branch, scales, noise=True) for fact in facts]
-    wide = LogNormal(0.5 * scales.residual[channel], WIDE)
+    wide = LogNormal(0.5 * scales.residual[channel], LN_NOISE_SD)
     parameters[0] = replace(parameters[0], prior=wide, fixed=None)
     return ParameterSpace(tuple(parameters)), _Slots(size, between, felt)
 
@@ -806,7 +816,7 @@ def discrepancy_bases(
         low, high = float(record.temperature.min()), float(record.temperature.max())
         own: dict[str, DiscrepancyBasis] = {}
         if high > low:
-            fine = np.linspace(low, high, FINE)
+            fine = np.linspace(low, high, BASIS_GRID_POINTS)
             with np.errstate(all="ignore"):
                 curve = model.predict(theta, {**_constant(record), "temperature": fine})
                 tangents = model.jacobian(theta, record.inputs)
@@ -905,4 +915,4 @@ def _uneven(steps: Steps) -> bool:
     if not steps.timed:
         return False
     dt = steps.dt[~steps.first]
-    return dt.size > 2 and float(np.std(dt)) > EVEN * float(np.mean(dt))
+    return dt.size > 2 and float(np.std(dt)) > EVEN_STEP_TOLERANCE * float(np.mean(dt))

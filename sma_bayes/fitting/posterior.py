@@ -50,10 +50,10 @@ from sma_bayes.sampling.density import DensityFactor
 if TYPE_CHECKING:
     from sma_bayes.fitting.abilities import LinearisedPosterior
 
-GREATEST = 1e60
+GREATEST_PARAMETER = 1e60
 """Magnitude of a parameter, in the units of the package, that nothing measured comes near: products of five are finite.
 Where a computed step tells no upper end of its rate, draws would go on to where they are infinite."""
-CHUNK = 1 << 15
+CHUNK_SAMPLES = 1 << 15
 """Samples times parameter vectors that are evaluated at a time, so that intermediate arrays stay in cache."""
 
 
@@ -216,13 +216,13 @@ class Posterior:
         Returns
         -------
         ndarray, shape (W,)
-            Never NaN: what can't be evaluated, and parameters beyond `GREATEST`, have probability zero.
+            Never NaN: what can't be evaluated, and parameters beyond `GREATEST_PARAMETER`, have probability zero.
         """
         z = np.atleast_2d(z)
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             theta = self.space.constrain(z)
             value = self.log_prior(z) + self.log_likelihood(theta)
-            usable = (np.abs(theta) < GREATEST).all(axis=1) & ~np.isnan(value)
+            usable = (np.abs(theta) < GREATEST_PARAMETER).all(axis=1) & ~np.isnan(value)
         return np.where(usable, value, -np.inf)
 
     def log_likelihood(self, theta: Floats) -> Floats:
@@ -231,7 +231,7 @@ class Posterior:
         total = np.zeros(len(theta))
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
             for i, record in enumerate(self.records):
-                for part in batches(len(theta), record.n, CHUNK):
+                for part in batches(len(theta), record.n, CHUNK_SAMPLES):
                     if self._is_latent(i):
                         total[part] += self._latent_log_density(theta[part], i)[0].sum(axis=1)
                         continue
@@ -267,7 +267,7 @@ class Posterior:
         out = []
         for i, record in enumerate(self.records):
             found: dict[str, Floats] = {c: np.empty((len(theta), record.n)) for c in record.channels}
-            for part in batches(len(theta), record.n, CHUNK):
+            for part in batches(len(theta), record.n, CHUNK_SAMPLES):
                 own = _part(weights, part)
                 if self._is_latent(i):
                     first, *others = record.channels
@@ -328,7 +328,7 @@ class Posterior:
                 c: np.zeros((len(theta), basis.count)) for c, basis in self.discrepancy[i].items()
             }
             if found:
-                for part in batches(len(theta), record.n, CHUNK):
+                for part in batches(len(theta), record.n, CHUNK_SAMPLES):
                     for channel, e, scale in self._standardised(theta[part], i):
                         if channel in found:
                             whitened = self._whitened(theta[part], i, channel, e, scale)
@@ -358,7 +358,7 @@ class Posterior:
             [unit of the channel]
         """
         found = []
-        for part in batches(len(theta), self.records[record].n, CHUNK):
+        for part in batches(len(theta), self.records[record].n, CHUNK_SAMPLES):
             own = _part(weights, part)
             standardised = {c: (e, scale) for c, e, scale in self._standardised(theta[part], record, own)}
             whitened = (self._whitened_sweeps if channel in _of(own, record) else self._whitened)(

@@ -24,9 +24,9 @@ from sma_bayes.fitting.normal_equations import NormalEquations
 from sma_bayes.fitting.posterior import Posterior
 from sma_bayes.sampling.proposals import Coordinates
 
-ITERATIONS = 8
+MAX_NEWTON_STEPS = 8
 """Of Newton's method for the parameters behind predictions, at most."""
-TOLERANCE = 1e-8
+NEWTON_TOLERANCE = 1e-8
 """Step of Newton's method, in prior sds, after which no other is made; the next would be about its square."""
 
 
@@ -172,14 +172,14 @@ class PredictiveCoordinates:
         log_jacobian = np.full(len(u), -np.inf)
         found = np.zeros(len(u), dtype=bool)
         active = np.arange(len(u))
-        for _ in range(ITERATIONS):
+        for _ in range(MAX_NEWTON_STEPS):
             value, slope = self._evaluate(x[active])
             step, log_determinant = self._solve(slope, u[active, :m] - value)
             with np.errstate(all="ignore"):
                 length = np.abs(step / self._width).max(axis=1)
                 step *= np.minimum(1.0, 0.5 / np.maximum(length, 1e-300))[:, None]
             usable = np.isfinite(length) & np.isfinite(log_determinant)
-            done = usable & (length < TOLERANCE)
+            done = usable & (length < NEWTON_TOLERANCE)
             found[active[done]] = True
             log_jacobian[active[done]] = log_determinant[done]
             x[active[usable]] += step[usable]

@@ -8,7 +8,7 @@ they have not.
 
 A new reading is one of a new sweep. Sweeps need not scatter alike in offset, stroke, midpoint and rate, as a single
 size has it, and new ones scatter as the measured ones were found to. Their covariance is inverse Wishart a priori, as
-if n = 3 (`SEEN_BEFORE`) sweeps more were of the one size in all functions; given the own weights w of S measured ones,
+if n = 3 (`PRIOR_SWEEPS`) sweeps more were of the one size in all functions; given the own weights w of S measured ones,
 
     new ~ t_v(0, (n between**2 + sum of w w')/v),    v = S - 1 + n.
 """
@@ -24,15 +24,15 @@ from scipy.interpolate import CubicSpline
 
 from sma_bayes.arrays import Bools, Floats, Ints
 
-MOST_SWEEPS = 48
+MAX_SWEEPS = 48
 """Sweeps of a record, at most, that may have something of their own."""
-HARDLY_TOLD = 1e-6
+NEGLIGIBLE_SENSITIVITY = 1e-6
 """Part of the greatest of what parameters do to the samples that is rounding."""
-HARDLY_SEEN = 0.1
+LEAST_SEEN_SHARE = 0.1
 """Share of the greatest change that a parameter makes anywhere which samples have to see, for it to count. A transition
 between two readings is no place that they tell anything of; functions that are scaled by what readings see of it would
 be as many times too large between them."""
-SEEN_BEFORE = 3
+PRIOR_SWEEPS = 3
 """Sweeps of the one size that count as seen a priori. Beside two measured ones a new one, or the mean of all, then has
 four degrees of freedom, beside three five: variances that are finite, and can be estimated from draws."""
 SWEEP = "sweep"
@@ -72,7 +72,7 @@ class SweepFunctions:
     def of(
         inputs: Mapping[str, Floats], nodes: Floats, tangents: Floats, tangents_at_nodes: Floats
     ) -> SweepFunctions | None:
-        """Those of samples of 2 to `MOST_SWEEPS` sweeps; None of others, and where no parameter does anything.
+        """Those of samples of 2 to `MAX_SWEEPS` sweeps; None of others, and where no parameter does anything.
 
         Parameters
         ----------
@@ -83,12 +83,12 @@ class SweepFunctions:
         tangents, tangents_at_nodes : ndarray, shape (n, p) and (G, p)
             Derivatives of the response with respect to the parameters of the curve, at samples and nodes.
         """
-        if not 2 <= int(sweeps_of(inputs).max(initial=0)) + 1 <= MOST_SWEEPS:
+        if not 2 <= int(sweeps_of(inputs).max(initial=0)) + 1 <= MAX_SWEEPS:
             return None
         scale = np.abs(tangents).max(axis=0)
         usable = seen(tangents, tangents_at_nodes)
         _, singular, axes = np.linalg.svd(tangents[:, usable] / scale[usable], full_matrices=False)
-        kept = singular > HARDLY_TOLD * singular.max(initial=0.0)
+        kept = singular > NEGLIGIBLE_SENSITIVITY * singular.max(initial=0.0)
         if not kept.any():
             return None
         turned_by = axes[kept].T / singular[kept] * np.sqrt(len(tangents) / kept.sum())
@@ -176,13 +176,13 @@ def sums_of_squares(weights: Floats, size: Floats) -> Floats:
     size : ndarray, shape (W,)
         Their standard deviation in all functions together.
     """
-    seen_before = SEEN_BEFORE * size[:, None, None] ** 2 * np.eye(weights.shape[2])
+    seen_before = PRIOR_SWEEPS * size[:, None, None] ** 2 * np.eye(weights.shape[2])
     return np.asarray(np.swapaxes(weights, 1, 2) @ weights + seen_before)
 
 
 def degrees_of_freedom(sweeps: int) -> float:
     """Those with which a new sweep beside so many, and their mean, are known."""
-    return sweeps - 1.0 + SEEN_BEFORE
+    return sweeps - 1.0 + PRIOR_SWEEPS
 
 
 def _apart(weights: Floats) -> Floats:
@@ -191,7 +191,7 @@ def _apart(weights: Floats) -> Floats:
 
 
 def seen(tangents: Floats, tangents_at_nodes: Floats) -> Bools:
-    """Which parameters change the response where it was measured, shape (p,); see `HARDLY_SEEN`.
+    """Which parameters change the response where it was measured, shape (p,); see `LEAST_SEEN_SHARE`.
 
     Parameters
     ----------
@@ -200,7 +200,7 @@ def seen(tangents: Floats, tangents_at_nodes: Floats) -> Bools:
     """
     here, anywhere = np.abs(tangents).max(axis=0), np.abs(tangents_at_nodes).max(axis=0)
     return np.asarray(
-        np.isfinite(here) & np.isfinite(anywhere) & (here > 0.0) & (here > HARDLY_SEEN * anywhere)
+        np.isfinite(here) & np.isfinite(anywhere) & (here > 0.0) & (here > LEAST_SEEN_SHARE * anywhere)
     )
 
 

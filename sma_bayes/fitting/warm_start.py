@@ -16,13 +16,13 @@ from sma_bayes.arrays import Floats
 from sma_bayes.errors import MeasurementError
 from sma_bayes.fitting.posterior import Posterior
 
-SCREENED = 512
+SCREENED_DRAWS = 512
 """Prior draws that are screened, what the model can solve for solved for."""
-STARTS = 3
+REFINED_STARTS = 3
 """Best screened draws that are refined."""
 SCREEN_SAMPLES = 128
 """Samples of a record that the screening looks at, evenly spaced; refinement uses all."""
-OVERFLOW = 1e30
+OVERFLOW_VALUE = 1e30
 """Stands for a residual or derivative that overflowed; the solver takes sixth powers of it."""
 BOUND_SD = 10.0
 """Bounds of the refinement, in standard deviations of the prior about its centre."""
@@ -188,8 +188,10 @@ class SumOfSquares:
         with np.errstate(over="ignore", invalid="ignore"):
             residual = self.residuals(self.theta(z))
         vector = np.concatenate([r[c] * weights[c] for r in residual for c in self.channels])
-        vector = np.clip(vector, -OVERFLOW, OVERFLOW)
-        return np.asarray(np.nan_to_num(vector, nan=OVERFLOW, posinf=OVERFLOW, neginf=-OVERFLOW))
+        vector = np.clip(vector, -OVERFLOW_VALUE, OVERFLOW_VALUE)
+        return np.asarray(
+            np.nan_to_num(vector, nan=OVERFLOW_VALUE, posinf=OVERFLOW_VALUE, neginf=-OVERFLOW_VALUE)
+        )
 
     def _jacobian(self, z: Floats, weights: Mapping[str, float]) -> Floats:
         chain = self.posterior.space.derivative(self._full(z))[: self.free.size]
@@ -198,7 +200,7 @@ class SumOfSquares:
         with np.errstate(over="ignore", invalid="ignore"):
             for j in self.jacobians(theta):
                 blocks += [-weights[c] * j[c][:, self.free] * chain for c in self.channels]
-        jacobian = np.clip(np.concatenate(blocks), -OVERFLOW, OVERFLOW)
+        jacobian = np.clip(np.concatenate(blocks), -OVERFLOW_VALUE, OVERFLOW_VALUE)
         return np.asarray(np.nan_to_num(jacobian, nan=0.0))
 
     def solve(self, z: Floats, weights: Mapping[str, float]) -> tuple[Floats, float]:
@@ -291,7 +293,7 @@ def _screen(posterior: Posterior, rng: np.random.Generator) -> list[Floats]:
     """Starting points: the best of many prior draws, once the model has improved them."""
     model, space = posterior.model, posterior.space
     count = len(model.parameter_names)
-    theta = space.constrain(space.draw(rng, SCREENED))[:, :count]
+    theta = space.constrain(space.draw(rng, SCREENED_DRAWS))[:, :count]
     fixed = np.array([p.fixed is not None for p in space.parameters[:count]], dtype=bool)
     records = posterior.records
     shared = [name for name in records[0].inputs if all(name in r.inputs for r in records)]
@@ -300,6 +302,6 @@ def _screen(posterior: Posterior, rng: np.random.Generator) -> list[Floats]:
         series[channel] = np.concatenate([r.observed[channel] for r in records])
     stride = max(1, series["temperature"].size // SCREEN_SAMPLES)
     series = {k: v[::stride] for k, v in series.items()}
-    start = np.tile(space.constrain(space.prior_centre()), (STARTS, 1))
-    start[:, :count] = model.screen(theta, fixed, series)[:STARTS]
+    start = np.tile(space.constrain(space.prior_centre()), (REFINED_STARTS, 1))
+    start[:, :count] = model.screen(theta, fixed, series)[:REFINED_STARTS]
     return list(space.unconstrain(start)[:, : posterior.sampled_model.size])

@@ -16,7 +16,7 @@ from sma_bayes.records.types import Record
 
 ABSCISSAE: Floats = np.sinh(np.linspace(-12.0, 12.0, 801))
 """Innovations at which densities are tabulated whose integrals nobody has worked out; the middle one is zero."""
-DIFFERENCE = 1e-5
+RELATIVE_STEP = 1e-5
 """Step of the derivative of a log density, as a share of the innovation or of one."""
 
 
@@ -175,7 +175,7 @@ class NoiseModel(ABC):
         """Negative derivative of the log density of what `decorrelate` leaves, shape (..., n)."""
         if self.is_gaussian:
             return innovation
-        step = DIFFERENCE * np.maximum(1.0, np.abs(innovation))
+        step = RELATIVE_STEP * np.maximum(1.0, np.abs(innovation))
         steps = Steps.apart(innovation.shape[-1])
         up, down = innovation + step, innovation - step
         rise = self.log_density(up, shape, steps) - self.log_density(down, shape, steps)

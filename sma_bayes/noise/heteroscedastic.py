@@ -17,7 +17,7 @@ from sma_bayes.noise.base import NoiseModel, OfSeries, Steps
 from sma_bayes.noise.information import Information
 from sma_bayes.parameters.space import QUANTITY, ParameterSpec
 
-FURTHEST = 1.5
+MAX_DISTANCE_RANGES = 1.5
 """How far from the middle of its observed range [ranges] a response goes on changing the standard deviation."""
 
 
@@ -146,7 +146,7 @@ class Growing(Wrapped):
 
     def relative_scale(self, shape: Floats, response: Floats) -> Floats | None:
         at = len(self.series.parameters("", "", "")) - 1
-        x = np.clip(response - 0.5, -FURTHEST, FURTHEST)
+        x = np.clip(response - 0.5, -MAX_DISTANCE_RANGES, MAX_DISTANCE_RANGES)
         with np.errstate(over="ignore"):
             own = np.exp(shape[..., at, None] * x)
         inner = self.series.relative_scale(shape, response)

@@ -13,7 +13,7 @@ import numpy as np
 
 from sma_bayes.arrays import Floats, Ints
 
-EVERY = slice(None)
+ALL_SAMPLES = slice(None)
 """All samples."""
 
 
@@ -21,7 +21,7 @@ class Information(ABC):
     """Expected information of samples about series along them, for each of W values of the noise."""
 
     @abstractmethod
-    def products(self, rows: Floats, others: Floats, samples: slice = EVERY) -> Floats:
+    def products(self, rows: Floats, others: Floats, samples: slice = ALL_SAMPLES) -> Floats:
         """Weighted inner products of series.
 
         Parameters
@@ -69,7 +69,7 @@ class KindsOfSample(Information):
     ) -> None:
         self.own, self.kinds, self.beside, self.linked = own, kinds, beside, linked
 
-    def products(self, rows: Floats, others: Floats, samples: slice = EVERY) -> Floats:
+    def products(self, rows: Floats, others: Floats, samples: slice = ALL_SAMPLES) -> Floats:
         x, y = rows[:, samples], others[:, samples]
         terms = [(x * kind[samples]) @ y.T for kind in self.kinds]
         weights = self.own
@@ -99,7 +99,7 @@ class EachSample(Information):
     def __init__(self, own: Floats, beside: Floats | None = None) -> None:
         self.own, self.beside = own, beside
 
-    def products(self, rows: Floats, others: Floats, samples: slice = EVERY) -> Floats:
+    def products(self, rows: Floats, others: Floats, samples: slice = ALL_SAMPLES) -> Floats:
         i, j = (x.ravel() for x in np.indices((len(rows), len(others))))
         return self._of_pairs(rows, others, i, j, samples).reshape(len(self.own), len(rows), len(others))
 
@@ -108,7 +108,7 @@ class EachSample(Information):
         i, j = np.triu_indices(m)
         place = np.empty((m, m), dtype=np.intp)
         place[i, j] = place[j, i] = np.arange(i.size)
-        return np.take(self._of_pairs(rows, rows, i, j, EVERY), place.ravel(), axis=1).reshape(
+        return np.take(self._of_pairs(rows, rows, i, j, ALL_SAMPLES), place.ravel(), axis=1).reshape(
             len(self.own), m, m
         )
 
@@ -142,7 +142,7 @@ class OfDecorrelated(Information):
     def __init__(self, decorrelate: Callable[[Floats], Floats], inverse: Floats, factor: Floats) -> None:
         self.decorrelate, self.inverse, self.factor = decorrelate, inverse, factor
 
-    def products(self, rows: Floats, others: Floats, samples: slice = EVERY) -> Floats:
+    def products(self, rows: Floats, others: Floats, samples: slice = ALL_SAMPLES) -> Floats:
         left, right = (self.decorrelate(x * self.inverse[:, None, :])[..., samples] for x in (rows, others))
         return np.asarray(self.factor[:, None, None] * (left @ np.swapaxes(right, 1, 2)))
 

@@ -23,15 +23,15 @@ from sma_bayes.noise.base import NoiseModel, Steps
 from sma_bayes.normal import HALF_LN_2PI
 from sma_bayes.parameters.space import QUANTITY, ParameterSpec
 
-FINE = 1e-4
+INVISIBLE_STEP = 1e-4
 """Step in standard deviations of the noise below which rounding does not show."""
-INSIDE = 35.0
+INTERVAL_MARGIN = 35.0
 """Standard deviations within the interval from which nothing lies beyond its edge."""
 ROOT_HALF_PI, ROOT_HALF = float(np.sqrt(0.5 * np.pi)), float(np.sqrt(0.5))
-TABULATED = (-3.0, 6.0)
+TABULATED_DECADES = (-3.0, 6.0)
 """Powers of ten between which the information is tabulated; beyond it goes on as at the ends."""
 PER_DECADE = 40
-SAFE = 1.8
+SCORING_DAMPING = 1.8
 """A step of Fisher scoring is damped to this over the ratio of the greatest curvature to the expected one: less than 2,
 from where it would diverge."""
 
@@ -78,10 +78,10 @@ class Rounded(NoiseModel):
         return np.asarray(np.exp(np.interp(np.log10(np.maximum(shape[..., 0], 1e-300)), at, information)))
 
     def damping(self, shape: Floats) -> Floats:
-        return np.minimum(1.0, SAFE * self.location_information(shape))
+        return np.minimum(1.0, SCORING_DAMPING * self.location_information(shape))
 
     def innovations(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
-        h = np.maximum(shape[..., 0, None], FINE)
+        h = np.maximum(shape[..., 0, None], INVISIBLE_STEP)
         far, near = -np.abs(e) - 0.5 * h, -np.abs(e) + 0.5 * h
         below = (_integral(near) - _integral(far)) / h
         return np.asarray(-np.sign(e) * ndtri(np.clip(below, 1e-300, 0.5)))
@@ -115,9 +115,9 @@ def _edges(e: Floats, shape: Floats) -> tuple[Floats, Floats, Floats, Floats]:
     Last the ratio of the normal density at the farther edge to that at the nearer one. Ratios of tails to densities
     stay finite however far the edges are.
     """
-    h = np.maximum(shape[..., 0, None], FINE)
+    h = np.maximum(shape[..., 0, None], INVISIBLE_STEP)
     size = np.abs(e)
-    near = np.maximum(size - 0.5 * h, -INSIDE)
+    near = np.maximum(size - 0.5 * h, -INTERVAL_MARGIN)
     ratio = np.exp(-h * size)
     return h, near, _tail(near) - ratio * _tail(size + 0.5 * h), ratio
 
@@ -138,7 +138,7 @@ def _information() -> tuple[Floats, Floats]:
 
     Both edges of the interval count: by symmetry twice the expectation over the upper half.
     """
-    low, high = TABULATED
+    low, high = TABULATED_DECADES
     at = np.linspace(low, high, int((high - low) * PER_DECADE) + 1)
     h = 10.0 ** at[:, None]
     x = np.linspace(0.0, 1.0, 4001)

@@ -17,7 +17,7 @@ TYPICAL = {False: {"displacement": 0.01, "force": 1.0}, True: {"displacement": 0
 """Order of magnitude of a channel that was not observed: a spring's stroke of 1 cm and force of 1 N; a
 specimen's transformation strain of 3 % and stress of 100 MPa."""
 
-FEW = 12
+LEAST_READINGS = 12
 """Readings, differences of which may all be multiples of the least by chance."""
 
 _SERIES = ("temperature", "time", *CHANNELS)
@@ -166,7 +166,7 @@ class RecordScales:
 
 def _step(values: Floats) -> float:
     """Step of readings (n,); a few of them are too few to tell, and coarse readings need not come twice."""
-    return digit(values, most=1.0) if values.size >= FEW else 0.0
+    return digit(values, most=1.0) if values.size >= LEAST_READINGS else 0.0
 
 
 def _factors(expression: str) -> list[tuple[int, str]]:

@@ -25,7 +25,7 @@ CHANNEL_STEPS: Final = 10.0
 real."""
 
 
-SPARSE: Final = 0.5
+MAX_SHARE_MISSING: Final = 0.5
 """A column that is missing in more than this share of the rows is left out, rather than the rows."""
 
 
@@ -37,7 +37,7 @@ def clean_rows(ledger: Ledger) -> None:
     if not ledger.kept.any():
         return
     time = ledger.run.columns.get("time")
-    clock = time is not None and bool(np.isfinite(time).mean() >= SPARSE)
+    clock = time is not None and bool(np.isfinite(time).mean() >= MAX_SHARE_MISSING)
     if time is not None and clock:
         ledger.keep_out(np.flatnonzero(~np.isfinite(time)), "missing", "no time", column="time")
     _clean_repeats(ledger, clock)

@@ -15,12 +15,12 @@ from sma_bayes.quantities import CHANNELS, SPECIMEN_QUANTITY, unit_text
 from sma_bayes.records.run import Run
 from sma_bayes.records.types import Finding
 
-KEPT, FEWEST = 1000, 20
+MAX_COMPARED_READINGS, LEAST_COMPARED_READINGS = 1000, 20
 """Readings of a channel that are compared, at most and at least: evenly chosen rows."""
-ALIKE: Final = 0.99
+COPIED_NOISE_CORRELATION: Final = 0.99
 """Correlation of the noise of two channels from which on they are looked at closely; of noise of their own it scatters
 about zero, by 1/4 with the fewest readings."""
-NOISY: Final = 0.5
+LEAST_NOISE_RATIO: Final = 0.5
 """Least ratio of two estimates of the noise, by fourth and by second differences. It is 1 of noise and far less of a
 smooth curve, as it is computed, of which two may well be one but for their spans."""
 
@@ -50,13 +50,13 @@ class Readings:
 
 def readings_of(run: Run) -> Iterator[Readings]:
     """The measured channels of a run that have noise to tell them by."""
-    step = -(-run.n // KEPT)
+    step = -(-run.n // MAX_COMPARED_READINGS)
     for channel in CHANNELS:
         if channel not in run.columns:
             continue
         values = run.columns[channel][::step]
         there = np.isfinite(values)
-        if np.count_nonzero(there) >= FEWEST and _is_noisy(values[there]):
+        if np.count_nonzero(there) >= LEAST_COMPARED_READINGS and _is_noisy(values[there]):
             quantity = SPECIMEN_QUANTITY.get(channel, channel) if run.specimen else channel
             unit = unit_text(run.units.get(channel, ""))
             rows = (run.n, there.tobytes())
@@ -90,7 +90,7 @@ def copied_readings(readings: Sequence[Readings], known: Sequence[Finding] = ())
 
 def _copies(group: Sequence[Readings]) -> Iterator[tuple[Readings, Readings, str]]:
     noise = np.stack([_unit(np.diff(r.values, 4)) for r in group])
-    close = np.abs(noise @ noise.T) > ALIKE
+    close = np.abs(noise @ noise.T) > COPIED_NOISE_CORRELATION
     for i, j in combinations(range(len(group)), 2):
         if not close[i, j]:
             continue
@@ -114,7 +114,7 @@ def _message(first: Readings, second: Readings, slope: float, offset: float) -> 
 
 def _is_noisy(values: Floats) -> bool:
     least = _noise(values, 4)
-    return least > 0.0 and least > NOISY * _noise(values, 2)
+    return least > 0.0 and least > LEAST_NOISE_RATIO * _noise(values, 2)
 
 
 _NORM: Final = {2: 6.0, 4: 70.0}  # sums of squares of the binomial coefficients

@@ -13,21 +13,21 @@ from sma_bayes.records.ledger import ROWS_SHOWN, Ledger
 from sma_bayes.records.run import Run
 from sma_bayes.records.types import Finding
 
-FEWEST: Final = 10
+LEAST_READINGS: Final = 10
 """Readings other than zero from which on a column is looked at."""
 DECIMALS: Final = (2, 6)
 """Digits that may have stood behind the mark. With one alone a reading is 10 times its neighbours, as many are."""
-APART: Final = np.log10(2.0)
+LEAST_SEPARATION: Final = np.log10(2.0)
 """Least ratio, in powers of ten, of the least reading without its mark to the greatest one that has it."""
-RIGHT: Final = 0.25
+LEAST_SHARE_WITH_MARK: Final = 0.25
 """Least share of readings that have their mark: what neighbours say is taken from them."""
-TOLERANCE: Final = (0.02, 0.2)
+TOLERANCE_RANGE: Final = (0.02, 0.2)
 """Least and greatest difference, in powers of ten, of what is taken for one reading with and without its mark. Between
 them it is three times what neighbours that have it scatter by."""
-AGREE: Final = 0.9
+LEAST_SHARE_OF_AGREEMENT: Final = 0.9
 """Share of the large readings that must be their neighbours' times a power of ten; by chance it is at most 2/5 of
 them."""
-STEADY: Final = 5.0
+SCATTER_RATIO: Final = 5.0
 """By how much less large readings may scatter about each other, over their size, than those that have their mark: a
 channel that leaves zero by a step has the same noise before and after."""
 
@@ -89,13 +89,13 @@ def without_mark(values: Floats) -> Ints:
     """
     at = np.flatnonzero(np.isfinite(values) & (values != 0.0))
     size = np.log10(np.abs(values[at]))
-    if at.size < FEWEST:
+    if at.size < LEAST_READINGS:
         return at[:0]
     ordered = np.sort(size)
     steps = np.diff(ordered)
     found = at[:0]
     for step in np.argsort(-steps, kind="stable")[:3]:
-        if steps[step] < APART or step + 1 < RIGHT * at.size:
+        if steps[step] < LEAST_SEPARATION or step + 1 < LEAST_SHARE_WITH_MARK * at.size:
             continue
         large = size > ordered[step]
         if np.count_nonzero(large) > found.size and _are_small_ones_without_mark(
@@ -115,16 +115,18 @@ def _are_small_ones_without_mark(size: Floats, sign: Floats, large: np.ndarray) 
     decimals = np.round(size[there] - said)
     missed = size[there] - said - decimals
     scatter = _scatter(size[small])
-    allowed = np.clip(TOLERANCE[0] + 3.0 * scatter + 0.5 * np.abs(sides[1] - sides[0]), None, TOLERANCE[1])
+    allowed = np.clip(
+        TOLERANCE_RANGE[0] + 3.0 * scatter + 0.5 * np.abs(sides[1] - sides[0]), None, TOLERANCE_RANGE[1]
+    )
     agree = (
         (np.abs(missed) <= allowed)
         & (decimals >= DECIMALS[0])
         & (decimals <= DECIMALS[1])
         & (sign[there] == sign[small[before]])
     )
-    if np.mean(agree) < AGREE:
+    if np.mean(agree) < LEAST_SHARE_OF_AGREEMENT:
         return False
-    return there.size < FEWEST or _scatter(size[there] - decimals) * STEADY >= scatter
+    return there.size < LEAST_READINGS or _scatter(size[there] - decimals) * SCATTER_RATIO >= scatter
 
 
 def _scatter(size: Floats) -> float:

@@ -70,16 +70,16 @@ WANTED: Final = ("temperature", "storage_modulus")
 EXAMPLES: Final = {
     "temperature": "'Temperature', 'Temp./°C' or 'Ts'", "storage_modulus": "'Storage modulus', \"E'\" or \"G'\"",
 }  # fmt: skip
-DISAGREE: Final = 0.01
+TAN_DELTA_TOLERANCE: Final = 0.01
 """Declared tan delta and E''/E' that differ by more than this share of the greatest disagree."""
-SAME_FREQUENCY: Final = 3
+FREQUENCY_DIGITS: Final = 3
 """Significant digits in which frequencies of one test agree."""
 MOST_FREQUENCIES: Final = 60
 FEWEST_ROWS: Final = 10
 AS_EXPORTED: Final = frozenset({"cut", "header", "preamble"})
 """Findings about a table that are told of no export: each has lines above its data, and nobody declared where a step
 ends."""
-LABEL: Final = 40
+LABEL_CHARACTERS: Final = 40
 """Characters of the name of a file, step or sheet that become part of the names of files."""
 
 _SIGNS = str.maketrans(
@@ -297,7 +297,7 @@ def _labels(files: Sequence[Path]) -> list[str]:
 
 
 def _safe(text: str) -> str:
-    return re.sub(r"[^\w.+-]+", "_", text).strip("_.")[:LABEL] or "test"
+    return re.sub(r"[^\w.+-]+", "_", text).strip("_.")[:LABEL_CHARACTERS] or "test"
 
 
 def _unique(sweeps: Sequence[DmtaSweep]) -> Iterator[DmtaSweep]:
@@ -696,7 +696,7 @@ def _by_frequency(test: _Test, options: DmtaOptions) -> Iterator[tuple[float | N
         yield (_stated(options.frequency) if options.frequency else None), every, None
         return
     with np.errstate(invalid="ignore"):
-        rounded = np.array([float(f"{v:.{SAME_FREQUENCY}g}") for v in column])
+        rounded = np.array([float(f"{v:.{FREQUENCY_DIGITS}g}") for v in column])
     values = np.unique(rounded[np.isfinite(rounded)])
     if values.size > MOST_FREQUENCIES:
         raise MeasurementError(
@@ -751,7 +751,7 @@ def _damping(
     at = int(np.nanargmax(share))
     return DeclaredDamping(
         test=test.label, frequency=frequency, compared=int(seen.sum()),
-        disagree=int(np.sum(share[seen] > DISAGREE)), greatest=float(share[at]), row=int(test.row[rows][at]),
+        disagree=int(np.sum(share[seen] > TAN_DELTA_TOLERANCE)), greatest=float(share[at]), row=int(test.row[rows][at]),
     )  # fmt: skip
 
 

@@ -13,9 +13,9 @@ from sma_bayes.arrays import Floats
 DELIVERED: Final = ("delivered_two_before", "delivered_before", "delivered_after", "delivered_two_after")
 """Inputs: integrals of the squared current over time [A^2 s], with each reading taken as the current of the step before
 the last, the step before, the step after its instant, and the one after that."""
-SWITCHED = 0.1
+SWITCHING_SHARE = 0.1
 """Least part of the greatest change within a step from which on a change of the current counts as a switching."""
-SAMPLES_OF_A_SWITCHING = 8
+LEAST_SAMPLES_PER_SWITCHING = 8
 """Fewest samples, on average, from one switching to the next for their instants to be told one by one."""
 
 
@@ -74,5 +74,5 @@ def switched_at(inputs: Mapping[str, Floats]) -> NDArray[np.intp]:
         return np.empty(0, dtype=np.intp)
     after, before = (delivered_in_steps(inputs, np.full(1, share)) for share in (1.0, 0.0))
     change = np.abs(after - before)
-    found = np.flatnonzero(change > SWITCHED * max(float(change.max()), 1e-300))
-    return found if found.size * SAMPLES_OF_A_SWITCHING <= change.size else found[:0]
+    found = np.flatnonzero(change > SWITCHING_SHARE * max(float(change.max()), 1e-300))
+    return found if found.size * LEAST_SAMPLES_PER_SWITCHING <= change.size else found[:0]

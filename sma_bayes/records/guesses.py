@@ -57,13 +57,13 @@ _UNIT = "|".join(sorted(_SETTINGS, key=len, reverse=True))
 _SETTING = re.compile(rf"(?<![A-Za-z\d.])(\d+(?:\.\d+)?)[ _]?({_UNIT})(?![A-Za-z])")
 _DUTY = re.compile(r"duty[ _]?(?:cycle)?[ _]?(\d+(?:\.\d+)?)", re.IGNORECASE)
 
-RAW: Final = frozenset({"V", "mV", "counts", "count", "bit", "bits", "ADC", "LSB"})
+RAW_UNITS: Final = frozenset({"V", "mV", "counts", "count", "bit", "bits", "ADC", "LSB"})
 """Units of readings that only a calibration turns into a quantity."""
 
-RATIO: Final = 0.3
+MAX_STRAIN_RATIO: Final = 0.3
 """A strain that stays below is a ratio, another is in percent [1]."""
 
-SMOOTH: Final = 0.8
+SMOOTH_CORRELATION: Final = 0.8
 """A column whose neighbouring rows are correlated by more runs smoothly [1]."""
 
 COLDEST, HOTTEST, LEAST_SPAN = -150.0, 500.0, 10.0
@@ -143,7 +143,7 @@ def guess_header(header: str) -> Guess | None:
         if quantity:
             return Guess(quantity, "" if quantity == "drive" else unit)
     quantity = _quantity(bracketed[1] if bracketed else text, "")
-    if quantity and bracketed and bracketed[2].strip() in RAW:
+    if quantity and bracketed and bracketed[2].strip() in RAW_UNITS:
         return Guess(
             quantity, ARBITRARY, (f"a raw reading in {bracketed[2].strip()}: give scale, offset and to",)
         )
@@ -218,7 +218,7 @@ def _with_unit(guess: Guess, values: Floats) -> Guess:
     elif guess.quantity == "ambient_temperature":
         unit = "kelvin" if largest > 200.0 else "degC"
     elif guess.quantity == "strain":
-        unit = "1" if largest < RATIO else "percent"
+        unit = "1" if largest < MAX_STRAIN_RATIO else "percent"
     elif guess.quantity in CHANNELS and largest > 50.0 and bool(np.all(values == np.round(values))):
         unit = ARBITRARY
     else:
@@ -252,7 +252,7 @@ def guess_unnamed(
     shared = set.intersection(*(set(f) for f in files))
     columns = {i: [f[i] for f in files] for i in sorted(shared)}
     lag1 = {i: float(np.mean([_lag1(v) for v in vs])) for i, vs in columns.items()}
-    smooth = {i: vs for i, vs in columns.items() if lag1[i] > SMOOTH}
+    smooth = {i: vs for i, vs in columns.items() if lag1[i] > SMOOTH_CORRELATION}
     found: dict[str, tuple[int, str]] = {}
     for i in list(smooth):
         if all(_is_clock(v) for v in smooth[i]):
@@ -309,8 +309,8 @@ def _unnamed_channels(
     largest = {i: max(float(np.max(np.abs(v))) for v in vs) for i, vs in rest.items()}
     ranked = sorted(largest, key=lambda i: largest[i])
     if any(stresses) and ranked:
-        found["strain"] = (ranked[0], "1" if largest[ranked[0]] < RATIO else "percent")
-    elif len(ranked) >= 2 and largest[ranked[0]] < RATIO and largest[ranked[-1]] > 20.0:
+        found["strain"] = (ranked[0], "1" if largest[ranked[0]] < MAX_STRAIN_RATIO else "percent")
+    elif len(ranked) >= 2 and largest[ranked[0]] < MAX_STRAIN_RATIO and largest[ranked[-1]] > 20.0:
         found |= {"strain": (ranked[0], "1"), "stress": (ranked[-1], "MPa")}
     elif ranked:
         found["displacement"] = (ranked[0], "mm")

@@ -26,7 +26,7 @@ from scipy.optimize import isotonic_regression
 from sma_bayes.arrays import Floats, Ints
 from sma_bayes.normal import MAD_TO_SD
 from sma_bayes.quantities import CHANNELS
-from sma_bayes.records.cleaning import SPARSE
+from sma_bayes.records.cleaning import MAX_SHARE_MISSING
 from sma_bayes.records.ledger import Ledger
 from sma_bayes.records.run import Run
 from sma_bayes.records.types import Branch, HeldChannel
@@ -34,14 +34,14 @@ from sma_bayes.records.types import Branch, HeldChannel
 SWEEP_BINS: Final = 40
 """Bins of temperature in which a channel is averaged to see whether it follows."""
 
-FOLLOWS: Final = 0.5
+LEAST_EXPLAINED_SHARE: Final = 0.5
 """Share of the variance between bins that a monotone function explains where a channel follows."""
 
 LOAD_OFF, LOAD_OFF_SDS = 0.1, 5.0
 """A load is off where it is further from its median than this share of it and this many standard
 deviations."""
 
-STRAIGHT: Final = 0.01
+LEAST_NONLINEAR_SHARE: Final = 0.01
 """A channel shows no transformation where a straight line explains all but this share of what any monotone
 function does."""
 
@@ -169,7 +169,7 @@ def responds(channel: str, along: dict[Branch, Course], mean: float, min_change:
         Least change of a force or stiffness over its mean [1].
     """
     least = 0.0 if channel == "displacement" else min_change * abs(mean)
-    follows = [c for c in along.values() if c.monotone >= FOLLOWS and abs(c.rise) >= least]
+    follows = [c for c in along.values() if c.monotone >= LEAST_EXPLAINED_SHARE and abs(c.rise) >= least]
     return len({c.rise > 0 for c in follows}) == 1
 
 
@@ -190,7 +190,7 @@ def choose_channels(
     filled = []
     for channel in there:
         share = float(np.isfinite(run.columns[channel][rows]).mean()) if rows.size else 0.0
-        if share >= SPARSE:
+        if share >= MAX_SHARE_MISSING:
             filled.append(channel)
         else:
             message = (
@@ -287,7 +287,7 @@ def held_channels(run: Run, rows: Ints, fitted: Sequence[str]) -> dict[str, Held
         if channel in run.columns and channel not in fitted:
             values = run.columns[channel][rows]
             values = values[np.isfinite(values)]
-            if values.size and values.size >= SPARSE * rows.size:
+            if values.size and values.size >= MAX_SHARE_MISSING * rows.size:
                 held[channel] = HeldChannel(float(values.mean()), float(values.std()))
     return held
 
@@ -296,9 +296,9 @@ def note_no_transformation(ledger: Ledger, legs: Sequence[Leg], channel: str) ->
     """Report a fitted channel without a sign of a transformation on a branch."""
     name = ledger.quantity(channel)
     for branch, c in courses(ledger.run, legs, channel).items():
-        if c.monotone < FOLLOWS:
+        if c.monotone < LEAST_EXPLAINED_SHARE:
             message = f"no transformation: {name} does not follow the temperature on {branch.value}"
-        elif c.straight >= c.monotone - STRAIGHT:
+        elif c.straight >= c.monotone - LEAST_NONLINEAR_SHARE:
             message = (
                 f"no transformation: {name} changes on a straight line with temperature on {branch.value}"
             )

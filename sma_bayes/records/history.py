@@ -17,15 +17,15 @@ from scipy.interpolate import make_smoothing_spline
 from sma_bayes.arrays import Floats, Ints
 from sma_bayes.records.types import Branch, Campaign, Condition, Record, plain_fields
 
-GAP = 5.0
+GAP_MEDIAN_STEPS = 5.0
 """Steps of time, in medians of the steps of the sweeps beside it, from which on samples no longer follow each other."""
 RATE_SAMPLES = 7
 """Samples of a sweep to which a straight line is fitted for dT/dt."""
 
-SMOOTHED_FROM = 10
+LEAST_SPLINE_SAMPLES = 10
 """Fewest samples of a sweep through which a smoothing spline is laid."""
 
-SIGN = {Branch.HEATING: 1.0, Branch.COOLING: -1.0}
+BRANCH_SIGN = {Branch.HEATING: 1.0, Branch.COOLING: -1.0}
 """How a branch stands among the inputs."""
 
 
@@ -149,7 +149,7 @@ def _joined(records: Sequence[Record]) -> History:
     names = set.intersection(*(set(r.inputs) for r in records)) - {"segment"}
     channels = [c for c in first.channels if all(c in r.observed for r in records)]
     inputs = {name: np.concatenate([r.inputs[name] for r in records]) for name in names}
-    inputs["branch"] = np.concatenate([np.full(r.n, SIGN[r.branch]) for r in records])
+    inputs["branch"] = np.concatenate([np.full(r.n, BRANCH_SIGN[r.branch]) for r in records])
     sweep = np.concatenate([1000.0 * i + r.inputs["segment"] for i, r in enumerate(records)])
     sources = list(dict.fromkeys(r.source for r in records))
     file = np.concatenate([np.full(r.n, float(sources.index(r.source))) for r in records])
@@ -200,7 +200,7 @@ def smoothed(temperature: Floats, time: Floats, segment: Floats) -> Floats:
     Returns
     -------
     ndarray, shape (n,)
-        As read, where a sweep has fewer than `SMOOTHED_FROM` samples or two at one time.
+        As read, where a sweep has fewer than `LEAST_SPLINE_SAMPLES` samples or two at one time.
 
     References
     ----------
@@ -211,7 +211,7 @@ def smoothed(temperature: Floats, time: Floats, segment: Floats) -> Floats:
 
 
 def _spline(temperature: Floats, time: Floats) -> Floats:
-    if time.size < SMOOTHED_FROM or not np.all(np.diff(time) > 0.0):
+    if time.size < LEAST_SPLINE_SAMPLES or not np.all(np.diff(time) > 0.0):
         return temperature
     t = (time - time[0]) / ((time[-1] - time[0]) / time.size)
     return np.asarray(make_smoothing_spline(t, temperature)(t))
@@ -233,7 +233,7 @@ def _interruptions(clock: Floats, sweep: Floats) -> Floats:
     usual = {s: float(np.median(step[inside & (sweep == s)])) for s in np.unique(sweep[inside])}
     each = np.array([usual.get(s, 0.0) for s in sweep.tolist()])
     longest = np.maximum(each, np.concatenate([each[:1], each[:-1]]))
-    return np.cumsum(step > GAP * np.maximum(longest, 1e-300)).astype(float)
+    return np.cumsum(step > GAP_MEDIAN_STEPS * np.maximum(longest, 1e-300)).astype(float)
 
 
 def _numbered(*labels: Floats) -> Floats:

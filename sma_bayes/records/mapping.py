@@ -35,7 +35,7 @@ CLOCKS: Final = frozenset(
 )
 """Headers, in small letters, of a column of clock times that is known by its name."""
 
-SAME: Final = 0.05
+SETTING_TOLERANCE: Final = 0.05
 """A setting that varies by less than this share of itself is one setting."""
 
 ROWS_SHOWN, COLUMNS_SHOWN = 3, 8
@@ -114,7 +114,7 @@ def _file_columns(declared: DeclaredCondition, table: RawTable, *, alone: bool) 
         columns, seen = _by_default_names(table, declared, alone=alone)
         findings += (seen, *_nearly_named(columns, table))
     elif not alone:
-        columns = {q: c for q, c in columns.items() if _holds(c, table)}
+        columns = {q: c for q, c in columns.items() if _has_column(c, table)}
     values: dict[str, Floats] = {}
     clock = False
     for quantity, column in columns.items():
@@ -135,7 +135,7 @@ def _file_columns(declared: DeclaredCondition, table: RawTable, *, alone: bool) 
     return FileColumns(declared.path, declared.names[0], row, columns, values, clock, tuple(findings))
 
 
-def _holds(column: ColumnDeclaration, table: RawTable) -> bool:
+def _has_column(column: ColumnDeclaration, table: RawTable) -> bool:
     """Whether a file has a column."""
     if column.name is not None:
         return " ".join(column.name.split()) in (table.names or ())
@@ -199,7 +199,7 @@ def _with_columns(
         stated = getattr(condition, setting)
         unit = unit_text(setting_unit(setting, specimen=specimen))
         low, high = float(np.nanmin(values)), float(np.nanmax(values))
-        if high - low > SAME * abs(usual):
+        if high - low > SETTING_TOLERANCE * abs(usual):
             steps = levels(values)
             course = (
                 ", ".join(f"{s.value:.4g} {unit} in rows {row[s.start]} to {row[s.stop - 1]}" for s in steps)
@@ -214,7 +214,7 @@ def _with_columns(
         if stated is None:
             changes: dict[str, Any] = {setting: usual}
             condition = replace(condition, **changes)
-        elif abs(stated - usual) > SAME * abs(usual):
+        elif abs(stated - usual) > SETTING_TOLERANCE * abs(usual):
             message = f"{setting} is declared as {stated:.4g} {unit} and is taken so; its column has {usual:.4g} {unit}"
             findings.append(Finding("setting-contradicted", message, column=setting))
     return condition, tuple(findings)

@@ -77,32 +77,32 @@ RANGES: Final[dict[str, Range]] = {
 }  # fmt: skip
 """Wider than any measurement that is known by an order of magnitude; a wrong prefix lies three away."""
 
-SPREAD_SCALE: Final = 0.5
+DOUBTED_SCALE_SD: Final = 0.5
 """Share of the scale above which its declared standard deviation is doubted."""
-SPREAD_TEMPERATURE: Final = 0.25
+DOUBTED_TEMPERATURE_SD_OF_SWEEP: Final = 0.25
 """Share of the sweep above which the declared error of a temperature reading is doubted: the curve is all but lost in
 it."""
-SPREAD_CHANGE: Final = 0.25
+DOUBTED_TEMPERATURE_SD_OF_TRANSITION: Final = 0.25
 """The same of the temperatures over which a channel goes from a tenth to nine tenths of its change. Of a sigmoid they
 are 4.4 / B, so that the error is larger than 1 / B: its expansion in the error, of whatever order, has no meaning, and
 errors that large would have smeared a jump over 2.6 of them."""
-SPREAD_MATTERS: Final = 0.1
+COMPARED_TEMPERATURE_SD: Final = 0.1
 """Share of the same temperatures from which on the declared error is held against the scatter of the readings about the
 line between their neighbours, which an error of the temperature makes where a channel is steep."""
-SPREAD_SEEN: Final = 0.3
+LEAST_VISIBLE_TEMPERATURE_SD: Final = 0.3
 """Share of the declared error that this scatter reaches at least, put down to the temperature alone."""
-FEW_STEEP: Final = 10
+LEAST_STEEP_READINGS: Final = 10
 """Readings on the steep part below which their scatter tells nothing."""
-OFFSET: Final = (10.0, 1.0)
+DOUBTED_OFFSET_SD: Final = (10.0, 1.0)
 """Shares of the range of a channel, whose zero may be nobody's care, and of the sweep, from which on the declared
 standard deviation of an offset is doubted."""
-SAME: Final = 1.0 - 1e-9
+IDENTICAL_CORRELATION: Final = 1.0 - 1e-9
 """Correlation of two columns from which on they are one."""
-LINGERS: Final = 0.05
+DOUBTED_END_CLUSTERING: Final = 0.05
 """By how much more a temperature lingers at its two ends than a channel does, before the two are doubted, as variance
 over the squared range: 1/12 where a column passes evenly, 1/4 where it has but two values. A transformation makes its
 channel linger more than the temperature that drives it: 28 real pairs differ by -0.10 to 0.04."""
-TOGETHER: Final = 0.6
+LEAST_CORRELATION: Final = 0.6
 """Correlation of a channel with the temperature from which on such a comparison says something."""
 
 
@@ -270,7 +270,7 @@ def _same_columns(run: Run) -> _Seen:
                 continue
             a, b = run.columns[name], run.columns[other]
             good = np.isfinite(a) & np.isfinite(b)
-            if np.count_nonzero(good) > 2 and abs(_correlation(a[good], b[good])) > SAME:
+            if np.count_nonzero(good) > 2 and abs(_correlation(a[good], b[good])) > IDENTICAL_CORRELATION:
                 yield (
                     "same-column",
                     f"{_quantity(run, name)} and {_quantity(run, other)} are one column, up to a factor and an offset: "
@@ -310,9 +310,9 @@ def _temperature_like_response(run: Run) -> _Seen:
         temperature, response = run.columns["temperature"], run.columns[name]
         good = np.isfinite(temperature) & np.isfinite(response)
         t, y = _within_range(temperature[good]), _within_range(response[good])
-        if t.size < 10 or abs(_correlation(t, y)) < TOGETHER:
+        if t.size < 10 or abs(_correlation(t, y)) < LEAST_CORRELATION:
             continue
-        if t.var() - y.var() > LINGERS and _is_steep_at_both_ends(t, y):
+        if t.var() - y.var() > DOUBTED_END_CLUSTERING and _is_steep_at_both_ends(t, y):
             quantity = _quantity(run, name)
             yield (
                 "swapped",
@@ -347,7 +347,7 @@ def _is_steep_at_both_ends(x: Floats, y: Floats) -> bool:
 
 def _declared_spread(run: Run) -> _Seen:
     span = float(np.nanmax(run.columns["temperature"]) - np.nanmin(run.columns["temperature"]))
-    if run.temperature_sd > SPREAD_TEMPERATURE * span > 0.0:
+    if run.temperature_sd > DOUBTED_TEMPERATURE_SD_OF_SWEEP * span > 0.0:
         yield (
             "large-sd",
             f"the declared error of a temperature reading, sd = {run.temperature_sd:.3g}, is "
@@ -355,7 +355,7 @@ def _declared_spread(run: Run) -> _Seen:
             "temperature",
         )
     for name, calibration in run.calibration.items():
-        if calibration.relative_scale_sd > SPREAD_SCALE:
+        if calibration.relative_scale_sd > DOUBTED_SCALE_SD:
             yield (
                 "large-sd",
                 f"the declared scale_sd of {_quantity(run, name)} is {calibration.relative_scale_sd:.0%} of its scale: "
@@ -375,18 +375,20 @@ def unresolved(records: Sequence[Record]) -> Iterator[Finding]:
     for channel in dict.fromkeys(c for r in records for c in r.observed):
         of = [r for r in records if channel in r.observed and r.temperature_sd > 0.0]
         steep = [s for r in of if (s := _steep_part(r.temperature, r.observed[channel])) is not None]
-        if not steep or any(r.temperature_sd > SPREAD_TEMPERATURE * np.ptp(r.temperature) for r in of):
+        if not steep or any(
+            r.temperature_sd > DOUBTED_TEMPERATURE_SD_OF_SWEEP * np.ptp(r.temperature) for r in of
+        ):
             continue  # there is nothing to tell by, or it is told of already
         sd, width = min(r.temperature_sd for r in of), max(s.width for s in steep)
         scatter = min(s.scatter for s in steep)
         message, unit = "", unit_text(of[0].units["temperature"])
-        if sd > SPREAD_CHANGE * width:
+        if sd > DOUBTED_TEMPERATURE_SD_OF_TRANSITION * width:
             message = (
                 f"the declared error of a temperature reading, sd = {sd:.3g}, is more than a quarter of the "
                 f"{width:.3g} {unit} over which {of[0].quantity(channel)} changes: "
                 "how fast it does can't be told from such readings; is it an offset of all of them (offset_sd)?"
             )
-        elif sd > SPREAD_MATTERS * width and scatter < SPREAD_SEEN * sd:
+        elif sd > COMPARED_TEMPERATURE_SD * width and scatter < LEAST_VISIBLE_TEMPERATURE_SD * sd:
             message = (
                 f"the declared error of a temperature reading, sd = {sd:.3g}, would scatter {of[0].quantity(channel)} "
                 f"where it is steep as {sd:.3g} {unit} do; it scatters as {scatter:.2g} {unit} at most: is it an "
@@ -408,7 +410,7 @@ class _Steep(NamedTuple):
 def _steep_part(temperature: Floats, values: Floats) -> _Steep | None:
     """Steep part of the monotonic curve nearest to readings (n,); the scatter is infinite where too few lie there."""
     together = _correlation(temperature, values)
-    if temperature.size < 10 or abs(together) < TOGETHER:
+    if temperature.size < 10 or abs(together) < LEAST_CORRELATION:
         return None
     from scipy.optimize import isotonic_regression  # takes long to import, and few declare an error
 
@@ -418,7 +420,7 @@ def _steep_part(temperature: Floats, values: Floats) -> _Steep | None:
     low, high = np.quantile(curve, (0.02, 0.98))
     first, last = np.searchsorted(curve, low + np.array([0.1, 0.9]) * (high - low))
     width = float(t[last] - t[first])
-    if last - first < FEW_STEEP or not width > 0.0:
+    if last - first < LEAST_STEEP_READINGS or not width > 0.0:
         return _Steep(width, np.inf)
     t, y = t[first:last], y[first:last]
     apart = t[2:] - t[:-2]
@@ -430,7 +432,7 @@ def _steep_part(temperature: Floats, values: Floats) -> _Steep | None:
 def _declared_offset(run: Run) -> _Seen:
     for name, calibration in run.calibration.items():
         span = float(np.nanmax(run.columns[name]) - np.nanmin(run.columns[name]))
-        if calibration.offset_sd > OFFSET[name == "temperature"] * span > 0.0:
+        if calibration.offset_sd > DOUBTED_OFFSET_SD[name == "temperature"] * span > 0.0:
             unit = unit_text(run.units.get(name, ""))
             yield (
                 "large-sd",

@@ -32,7 +32,7 @@ SPIKE_SDS = 8.0
 TEMPERATURE_WINDOW, CHANNEL_WINDOW = 11, 7
 """Readings of the running median; a spike is shorter than half of it."""
 
-JUDGED_WITHIN = 0.1
+SPIKE_WINDOW_SHARE = 0.1
 """A channel is searched for spikes where its window spans less than this share of the temperature range."""
 
 GAP_STEPS, GAP_JUMPS, GAP_SHARE = 10.0, 5.0, 0.05
@@ -196,7 +196,7 @@ def spikes(values: Floats, window: int, against: Floats | None = None) -> Mask:
 
 def _at_one_temperature(temperature: Floats, at: Ints, window: int) -> Mask:
     near = np.clip(at[:, None] + np.arange(window) - window // 2, 0, temperature.size - 1)
-    return np.asarray(np.ptp(temperature[near], axis=1) < JUDGED_WITHIN * np.ptp(temperature))
+    return np.asarray(np.ptp(temperature[near], axis=1) < SPIKE_WINDOW_SHARE * np.ptp(temperature))
 
 
 def _back_where_it_was(readings: Floats, candidate: Ints) -> Mask:
@@ -237,16 +237,16 @@ def out_of_order(time: Floats) -> tuple[Mask, Ints]:
     bad = np.zeros(time.size, dtype=bool)
     back = np.flatnonzero(np.diff(time) < 0) + 1
     if back.size:
-        for group in np.split(back, np.flatnonzero(np.diff(back) > 2 * _NEAR) + 1):
-            near = slice(max(0, int(group[0]) - _NEAR), int(group[-1]) + _NEAR)
+        for group in np.split(back, np.flatnonzero(np.diff(back) > 2 * _ROWS_AROUND_STEP) + 1):
+            near = slice(max(0, int(group[0]) - _ROWS_AROUND_STEP), int(group[-1]) + _ROWS_AROUND_STEP)
             astray = ~_longest_non_decreasing(time[near])
-            if group.size > 1 or np.count_nonzero(astray) <= _NEAR // 2:
+            if group.size > 1 or np.count_nonzero(astray) <= _ROWS_AROUND_STEP // 2:
                 bad[near] |= astray
     good = np.flatnonzero(~bad)
     return bad, good[1:][np.diff(time[good]) < 0]
 
 
-_NEAR = 50  # rows on either side of a step back that are looked at
+_ROWS_AROUND_STEP = 50  # rows on either side of a step back that are looked at
 
 
 def _longest_non_decreasing(values: Floats) -> Mask:

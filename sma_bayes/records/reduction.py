@@ -38,7 +38,7 @@ import numpy as np
 from sma_bayes.arrays import Floats, Ints
 from sma_bayes.records.segmentation import noise_sd
 
-WIDEST_SEARCH = 8
+MAX_BLOCK_GROWTH = 8
 """Blocks grow to at most this many times the rows that an equal share would have."""
 
 
@@ -92,7 +92,7 @@ def blocks_of(temperature: Floats, segment: Floats, max_samples: int, block_span
     widest = block_span * float(np.ptp(temperature))
     share = math.ceil(rows / max_samples)
     size, first = share, _starts(temperature, segment, share, widest)
-    while first.size > max_samples and size < WIDEST_SEARCH * share:
+    while first.size > max_samples and size < MAX_BLOCK_GROWTH * share:
         size += max(1, size // 16)
         first = _starts(temperature, segment, size, widest)
     if first.size > max_samples:  # the limit on the width of a block wins: no use in blocks larger than fair

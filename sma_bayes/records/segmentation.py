@@ -35,16 +35,16 @@ Mask = NDArray[np.bool_]
 NOISE_MARGIN = 10.0
 """Turns are at least this many standard deviations of the noise, so that 1e6 rows of noise hold none."""
 
-OFTEN = 0.45
+MAX_SHARE_OF_EXTREMES = 0.45
 """Readings of which a larger share are local extremes show noise rather than sweeps."""
 
 FEWEST_HOLD_ROWS = 5
 """Rows of a hold that stay with a sweep, however few rows the sweep itself has."""
 
-NEAR_AT_MOST = 0.15
+MAX_END_SHARE = 0.15
 """However noisy the temperature, this share of a sweep is the most that counts as near to its end."""
 
-DRIVE_ON = 0.05
+DRIVE_ON_SHARE = 0.05
 """The drive is on above this share of its usual full value (the 90th percentile of its positive values)."""
 
 _THIRD_DIFFERENCE_NORM = math.sqrt(20.0)  # of the weights 1, -3, 3, -1
@@ -180,7 +180,7 @@ def _noise_between_turns(readings: Floats, turns: Ints) -> float:
     """
     noise = noise_sd(readings)
     step = np.diff(readings)
-    if step.size < 2 or np.mean(step[1:] * step[:-1] < 0) > OFTEN:
+    if step.size < 2 or np.mean(step[1:] * step[:-1] < 0) > MAX_SHARE_OF_EXTREMES:
         return noise
     ends = readings[np.r_[0, turns, readings.size - 1]]
     excess = float(np.abs(step).sum() - np.abs(np.diff(ends)).sum())
@@ -328,7 +328,7 @@ def drive_is_on(drive: Floats) -> tuple[Mask, Mask]:
     values = np.nan_to_num(drive)
     voted = median_filter(values, size=min(9, max(1, drive.size)), mode="nearest")
     positive = voted[voted > 0]
-    level = DRIVE_ON * float(np.percentile(positive, 90)) if positive.size else np.inf
+    level = DRIVE_ON_SHARE * float(np.percentile(positive, 90)) if positive.size else np.inf
     return voted > level, (values > level) != (voted > level)
 
 
@@ -411,7 +411,7 @@ def without_holds(sweep: Sweep, smoothed: Smoothed, tolerance: float = 0.05, sha
     if change == 0:
         return Sweep(sweep.start, sweep.start, sweep.heating)
     progress = (upwards - upwards.min()) / change
-    near = min(max(tolerance, 3.0 * smoothed.noise / change), NEAR_AT_MOST)
+    near = min(max(tolerance, 3.0 * smoothed.noise / change), MAX_END_SHARE)
     half = int(np.argmax(progress >= 0.5))
     waiting = np.flatnonzero(progress[:half] <= near)
     arrived = np.flatnonzero(progress[half:] >= 1.0 - near)

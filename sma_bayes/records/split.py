@@ -28,7 +28,7 @@ import numpy as np
 from sma_bayes.arrays import Floats, Ints
 from sma_bayes.errors import MeasurementError, many, near_matches
 from sma_bayes.quantities import CHANNELS
-from sma_bayes.records.cleaning import SPARSE, clean_channel, clean_rows, note_digits
+from sma_bayes.records.cleaning import MAX_SHARE_MISSING, clean_channel, clean_rows, note_digits
 from sma_bayes.records.drive import delivered
 from sma_bayes.records.held import (
     Leg,
@@ -62,13 +62,13 @@ from sma_bayes.records.types import Branch, Finding, Record
 FEWEST_ROWS_OF_A_SWEEP: Final = 4
 """A sweep of fewer rows is a jump between two states, not a sweep."""
 
-PART: Final = 0.8
+PART_CYCLE_SHARE: Final = 0.8
 """A sweep that covers less than this share of the widest one is reported as a part cycle."""
 
-OFF: Final = 0.05
+DRIVE_OFF_SHARE: Final = 0.05
 """A current is a drive if it falls below this share of its largest value."""
 
-DRIFT: Final = 5.0
+MAX_DRIFT: Final = 5.0
 """A temperature that varies by less in all drifts, and does not sweep over a transformation [degC]."""
 
 OPTIONAL_INPUTS: Final = ("time", "current", "ambient_temperature")
@@ -260,7 +260,7 @@ def _sweeps_by_signal(
     _keep_out_unswept(ledger, rows, whole, "part-cycle", why)
     for s in whole:
         share = span(s, smoothed) / widest
-        if share < PART:
+        if share < PART_CYCLE_SHARE:
             message = f"a {_branch(s).value} sweep spans {share:.0%} of the widest one; it stays in"
             ledger.note(rows[s.start : s.stop], "part-cycle", message, branch=_branch(s).value)
     trimmed = [without_holds(s, smoothed, settings.hold_tolerance, settings.hold_share) for s in whole]
@@ -298,7 +298,7 @@ def _heated(ledger: Ledger) -> Mask | None:
     values = ledger.column(column)
     if column == "current":
         values = np.abs(np.nan_to_num(values))
-        if values.min() >= OFF * values.max():
+        if values.min() >= DRIVE_OFF_SHARE * values.max():
             return None
     on, stray = drive_is_on(values)
     if stray.any():
@@ -385,7 +385,7 @@ def _choose_inputs(ledger: Ledger) -> tuple[str, ...]:
         if name not in ledger.run.columns or not ledger.rows.size:
             continue
         missing = ~np.isfinite(ledger.column(name))
-        if missing.mean() > 1.0 - SPARSE:
+        if missing.mean() > 1.0 - MAX_SHARE_MISSING:
             message = f"{name} is missing in {missing.mean():.0%} of the rows and is left out"
             ledger.note(ledger.rows[:0], "sparse-input", message, column=name)
         else:
@@ -436,7 +436,7 @@ def _note_quality(ledger: Ledger, legs: list[Leg], channels: tuple[str, ...]) ->
     _note_temperature(ledger, rows)
     _note_steps(ledger, rows)
     swept = float(np.ptp(run.columns["temperature"][rows]))
-    if run.units.get("temperature") == "degC" and swept < DRIFT:
+    if run.units.get("temperature") == "degC" and swept < MAX_DRIFT:
         by = ledger.amount("temperature", swept, difference=True)
         message = f"the temperature hardly varies, by {by} in all: a drift, no sweep"
         ledger.note(rows[:0], "narrow-sweep", message, column="temperature")
@@ -556,7 +556,7 @@ def _resistance(run: Run, current: Floats) -> dict[str, Floats]:
     if "resistance" in run.columns:
         found = run.columns["resistance"]
     elif "voltage" in run.columns:
-        on = np.abs(current) > OFF * np.nanmax(np.abs(current), initial=0.0)
+        on = np.abs(current) > DRIVE_OFF_SHARE * np.nanmax(np.abs(current), initial=0.0)
         found = np.where(on, run.columns["voltage"] / np.where(on, current, 1.0), np.nan)
     else:
         return {}

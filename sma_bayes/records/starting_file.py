@@ -39,13 +39,13 @@ NOT_DATA: Final = frozenset((
 READINGS: Final[tuple[dict[str, Any], ...]] = ({}, {"quoted_rows": True}, {"encoding": "cp1252"})
 """Ways to read a file, tried in turn."""
 
-CODES, RARE = 5, 0.1
+MAX_MISSING_CODES, MAX_SHARE_OF_CODES = 5, 0.1
 """Texts in a column of numbers are codes of missing values if there are so few kinds of them, in so small a share of
 the rows."""
 
 NO_TEMPERATURE: Final = "no column seems to be a temperature"
 
-HELD: Final = 0.1
+HELD_LOAD_SPREAD: Final = 0.1
 """A force or stress whose quartiles differ by less than this share of its median was held, and is the load."""
 
 
@@ -214,7 +214,7 @@ def _source(path: Path, file: str, reading: Mapping[str, Any], table: RawTable) 
     codes: dict[int, tuple[str, ...]] = {}
     for i, cells in enumerate(table.columns):
         texts = [c.strip() for c in cells if isinstance(c, str) and not is_blank(c) and not looks_numeric(c)]
-        if len(set(texts)) > CODES or len(texts) > RARE * len(cells):
+        if len(set(texts)) > MAX_MISSING_CODES or len(texts) > MAX_SHARE_OF_CODES * len(cells):
             continue
         try:
             found, _ = numbers(
@@ -377,7 +377,7 @@ class _Writer:
             i, guess = source.guesses.columns[held]
             key = {"N": "load_N", "MPa": "stress_MPa"}.get(guess.unit)
             low, middle, high = np.percentile(source.values[i], [25.0, 50.0, 75.0])
-            if key and middle > 0.0 and high - low < HELD * middle:
+            if key and middle > 0.0 and high - low < HELD_LOAD_SPREAD * middle:
                 lines.append(f"{key} = {middle:.3g}  # GUESS: median of a {held} that hardly varies")
         return lines
 

@@ -16,9 +16,9 @@ Drawn = Literal["all", "report", "none"]
 and no report."""
 
 REPORT: Drawn = "report"
-MANY = 100
+CAMPAIGN_REPORT_ABOVE = 100
 """Number of records above which the report tells of the campaign, and each record has a page of its own."""
-FEW = 3
+MAX_CONDITIONS_SHOWN = 3
 """Number of conditions up to which the report shows each by itself, and of records whose misfit it shows."""
 FORMATS = ("pdf", "svg", "png")
 """File formats of figures; the report itself shows PNG."""

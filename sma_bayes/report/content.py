@@ -13,7 +13,7 @@ from sma_bayes.assess.loops import QuantityInterval
 from sma_bayes.paper.correlation import CLAIMED
 from sma_bayes.paper.tables import PrintedCell
 from sma_bayes.quantities import SPECIMEN_QUANTITY
-from sma_bayes.report.choice import MANY
+from sma_bayes.report.choice import CAMPAIGN_REPORT_ABOVE
 from sma_bayes.report.notation import compact
 from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.runs.declared_units import ShownUnit
@@ -426,7 +426,7 @@ class Content:
     @property
     def paged(self) -> bool:
         """Whether there are so many records that each has a page of its own, and only the campaign is reported here."""
-        return len(self.records) > MANY
+        return len(self.records) > CAMPAIGN_REPORT_ABOVE
 
     @cached_property
     def _by_condition(self) -> dict[str, tuple[RecordContent, ...]]:

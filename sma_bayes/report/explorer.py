@@ -14,9 +14,9 @@ import numpy as np
 
 from sma_bayes.arrays import Floats
 
-DIGITS: Final = 5
+SIGNIFICANT_DIGITS: Final = 5
 """Significant digits of the numbers in a page: four are shown, and half a pixel is a thousandth of an axis."""
-MOST_POINTS: Final = 600
+MAX_POINTS: Final = 600
 """Measurements of a curve that a page holds; of more, evenly spaced ones."""
 
 
@@ -69,7 +69,7 @@ def _plain(trace: Trace) -> dict[str, Any]:
     }
     plain |= {name: _numbers(q) for name, q in trace.quantiles.items() if np.isfinite(q).any()}
     if trace.measured is not None:
-        every = -(-trace.measured[0].size // MOST_POINTS)
+        every = -(-trace.measured[0].size // MAX_POINTS)
         plain["points"] = [_numbers(v[::every]) for v in trace.measured]
         plain["every"] = every
     return plain
@@ -77,4 +77,4 @@ def _plain(trace: Trace) -> dict[str, Any]:
 
 def _numbers(values: Floats) -> list[float | None]:
     """Numbers as JSON has them, rounded; None for what is not finite."""
-    return [float(f"{v:.{DIGITS}g}") if np.isfinite(v) else None for v in values]
+    return [float(f"{v:.{SIGNIFICANT_DIGITS}g}") if np.isfinite(v) else None for v in values]

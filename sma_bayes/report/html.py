@@ -26,7 +26,7 @@ from sma_bayes.report.content import (
 from sma_bayes.report.figures.sheet import FigureFiles
 from sma_bayes.report.notation import count_text, interval_text, unit_label, with_minus, write
 from sma_bayes.report.tables import (
-    OF_ROW,
+    UNIT_OF_ROW,
     Cell,
     Column,
     Table,
@@ -44,7 +44,7 @@ _PERCENT: Final = re.compile(r"(?<![=\w.−-])(\d+(?:\.\d+)?)%")
 """A percentage in a sentence; not one in an option of a command."""
 _BEFORE_UNIT: Final = re.compile(r"(?<=\d) (?=[°A-Za-z%]\S*$)")
 """The blank between a number and the unit that ends a cell."""
-TALL: Final = 600
+OWN_PAGE_HEIGHT: Final = 600
 """Height above which a figure is printed on a page of its own [pixel]."""
 
 
@@ -71,7 +71,7 @@ class Picture:
     @property
     def tall(self) -> bool:
         """Whether two of them on a printed page would be too small to be read."""
-        return self.height > TALL
+        return self.height > OWN_PAGE_HEIGHT
 
 
 def write_page(folder: Path, package: str, figures: Mapping[str, FigureFiles], **words: Any) -> None:
@@ -226,7 +226,7 @@ def _commands(text: str) -> Markup:
 
 def _header_text(column: Column, power: int | None = None) -> Markup:
     """Header of a column, which may be broken between words and after a plus; a unit that rows name is left out."""
-    text = column.name if column.unit == OF_ROW and not power else column.header_with(power or 0)
+    text = column.name if column.unit == UNIT_OF_ROW and not power else column.header_with(power or 0)
     whole = with_minus(text).replace("-", "\u2011").replace(" > ", "\u00a0>\u00a0")
     return Markup("+<wbr>").join(escape(part) for part in whole.split("+"))
 

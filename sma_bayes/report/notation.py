@@ -11,15 +11,15 @@ from typing import Final
 from sma_bayes.quantities import MINUS, unit_text
 
 MISSING: Final = "–"
-FIXED: Final = range(-3, 6)
+FIXED_EXPONENTS: Final = range(-3, 6)
 """Decimal exponents that are written without a power of ten."""
-LEAST_FIXED: Final = -4
+LEAST_SHARED_FIXED_EXPONENT: Final = -4
 """The same of the least of three numbers of which the others are written so, since they are read together."""
-MOST_DIGITS: Final = 9
+MAX_DIGITS: Final = 9
 """Significant digits of a number at most, however sure it is."""
-LOPSIDED: Final = 30.0
+SEPARATE_ENDS_RATIO: Final = 30.0
 """Ratio of the ends of an interval, both of one sign, from which each is written by itself."""
-NORMAL_90: Final = 3.29
+NORMAL_90_WIDTH: Final = 3.29
 """Width of the 90 % interval of a normal distribution [sd]."""
 
 _NEGATIVE: Final = re.compile(r"(?<![^\s(\[,;±×<>])-(?=\.?\d)")
@@ -81,9 +81,9 @@ def write(
     sure = resolution is not None and math.isfinite(resolution) and resolution > 0.0
     top = _place(max(largest, resolution if sure and resolution is not None else 0.0))
     last = _place(resolution) - 1 if sure and resolution is not None else top - digits + 1
-    last = max(last, top - MOST_DIGITS + 1)
+    last = max(last, top - MAX_DIGITS + 1)
     if exponent is None:
-        exponent = 0 if top in FIXED else top
+        exponent = 0 if top in FIXED_EXPONENTS else top
     decimals = max(0, exponent - last)
     return ScaledNumbers(tuple(_digits(v, exponent, decimals, last) for v in values), exponent)
 
@@ -93,15 +93,15 @@ def write_interval(
 ) -> ScaledNumbers:
     """Median and ends of a 90 % interval, with the digits that its width bears.
 
-    An interval no wider than the last of `MOST_DIGITS` is one of rounding: what it holds does not depend on anything
+    An interval no wider than the last of `MAX_DIGITS` is one of rounding: what it holds does not depend on anything
     that is uncertain, and the three are one number.
     """
     if median is None or low is None or high is None:
         return write((median, low, high), exponent=exponent)
     width = high - low
-    if width < 10.0**-MOST_DIGITS * abs(median):
+    if width < 10.0**-MAX_DIGITS * abs(median):
         return write((median,) * 3, exponent=exponent)
-    return write((median, low, high), resolution=width / NORMAL_90, exponent=exponent)
+    return write((median, low, high), resolution=width / NORMAL_90_WIDTH, exponent=exponent)
 
 
 def interval_text(
@@ -109,9 +109,9 @@ def interval_text(
 ) -> str:
     """Median and 90 % interval on one line: ``0.722 [0.721, 0.723]``, a common power of ten behind.
 
-    What has no width is one number. Where the ends differ `LOPSIDED` times and the width drowns the median, digits that
-    the width bears would say nothing of it, and each number has two of its own. With a `power` of ten, which is told
-    elsewhere, none is written.
+    What has no width is one number. Where the ends differ `SEPARATE_ENDS_RATIO` times and the width drowns the median,
+    digits that the width bears would say nothing of it, and each number has two of its own. With a `power` of ten,
+    which is told elsewhere, none is written.
 
     Examples
     --------
@@ -126,9 +126,13 @@ def interval_text(
     """
     if median is not None and low is not None and high is not None and low * high > 0.0:
         sizes = sorted((abs(low), abs(high)))
-        drowned = sizes[1] - sizes[0] > NORMAL_90 * abs(median)
-        if drowned and math.inf > sizes[1] > LOPSIDED * sizes[0]:
-            if power is None and _place(sizes[1]) in FIXED and _place(sizes[0]) >= LEAST_FIXED:
+        drowned = sizes[1] - sizes[0] > NORMAL_90_WIDTH * abs(median)
+        if drowned and math.inf > sizes[1] > SEPARATE_ENDS_RATIO * sizes[0]:
+            if (
+                power is None
+                and _place(sizes[1]) in FIXED_EXPONENTS
+                and _place(sizes[0]) >= LEAST_SHARED_FIXED_EXPONENT
+            ):
                 power = 0
             middle, least, most = (
                 write([v], digits=2, exponent=power).plain[0] if power is None

@@ -18,9 +18,9 @@ from rich.text import Text
 
 from sma_bayes.report.notation import with_minus
 
-SHOWN: Final = 20
+ENTRIES_SHOWN: Final = 20
 """Entries of a list on the screen, where there are very many."""
-SIMPLER: Final = ("ar1", "independent")
+SIMPLER_NOISE_MODELS: Final = ("ar1", "independent")
 """Noise models under which fits converge that do not under richer ones, mostly in seconds; the richer first. Of four
 real records two did under either, and each under one of them; but then none was adequate."""
 
@@ -33,8 +33,8 @@ def what_helps(noises: Collection[str] = ()) -> str:
     noises : collection of str
         Names of the noise models of such records, where they are known; what is no simpler is not advised.
     """
-    tried = [SIMPLER.index(name) if name in SIMPLER else -1 for name in noises]
-    left = SIMPLER[min(tried, default=-1) + 1 :]
+    tried = [SIMPLER_NOISE_MODELS.index(name) if name in SIMPLER_NOISE_MODELS else -1 for name in noises]
+    left = SIMPLER_NOISE_MODELS[min(tried, default=-1) + 1 :]
     advised = ", or else ".join(f"`--noise {name}`" for name in left)
     simpler = f"a simpler noise ({advised}; see whether the fit is adequate then), " if left else ""
     return (

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Final, TypeVarTuple
 
-from sma_bayes.assess.checks import CHANCE, CHECKED
+from sma_bayes.assess.checks import CHECK_DRAWS, FALSE_ALARM_RATE
 from sma_bayes.assess.loops import QuantityInterval
 from sma_bayes.latex import Tex, longtable, tex_row, tex_symbol, tex_text, tex_unit, wrapped
 from sma_bayes.quantities import CHANNELS
@@ -34,20 +34,20 @@ from sma_bayes.report.notation import (
 )
 from sma_bayes.runs.store import write_csv, write_text
 
-OF_ROW: Final = "unit"
+UNIT_OF_ROW: Final = "unit"
 """Unit of a column whose rows have units of their own, named in the column ``unit``."""
-SQUARED: Final = "unit²"
+UNIT_OF_ROW_SQUARED: Final = "unit²"
 """The square of that."""
 
-NEAREST: Final = (
+NEAREST_CURVE_NOTE: Final = (
     "The published curve, Eq. (2) or (4), that is nearest to each posterior curve, discrepancy included: least mean "
     "square over the temperatures that were measured."
 )
 """Norm and range of the nearest published parameters."""
 
-WIDE: Final = {"finding": 0.38, "why": 0.5, "prior": 0.17, "meaning": 0.2, "remedy": 0.3}
+WRAPPED_COLUMN_SHARES: Final = {"finding": 0.38, "why": 0.5, "prior": 0.17, "meaning": 0.2, "remedy": 0.3}
 """Columns whose words may be broken in LaTeX, with their share of the line."""
-WIDEST: Final = 0.52
+MAX_WRAPPED_SHARE: Final = 0.52
 """What several of them have together at most."""
 
 STATISTICS: Final = {
@@ -80,7 +80,7 @@ class Column:
     key : str
         In CSV.
     unit : str
-        Unit of its numbers, `OF_ROW`, or empty for words.
+        Unit of its numbers, `UNIT_OF_ROW`, or empty for words.
     brief : bool
         Whether it is in the LaTeX table too, which has less room.
     """
@@ -97,7 +97,7 @@ class Column:
 
     def header_with(self, power: int) -> str:
         """The same, with the power of ten that all numbers of the column have in common."""
-        label = self.unit if self.unit in (OF_ROW, SQUARED) else unit_label(self.unit)
+        label = self.unit if self.unit in (UNIT_OF_ROW, UNIT_OF_ROW_SQUARED) else unit_label(self.unit)
         label = " ".join(part for part in (f"10{power_text(power)}" if power else "", label) if part)
         return f"{self.name} [{label}]" if label and self.unit else self.name
 
@@ -105,7 +105,7 @@ class Column:
     def csv_unit(self) -> str:
         """Suffix of the header in CSV; a pure number says 1."""
         return (
-            f" [{self.unit if self.unit in (OF_ROW, SQUARED, '1') else unit_label(self.unit)}]"
+            f" [{self.unit if self.unit in (UNIT_OF_ROW, UNIT_OF_ROW_SQUARED, '1') else unit_label(self.unit)}]"
             if self.unit
             else ""
         )
@@ -220,16 +220,16 @@ def parameter_table(records: Sequence[RecordContent]) -> Table:
         (Column("parameter", "parameter"), lambda r, p: p.name),
         (_UNIT, lambda r, p: unit_label(p.unit) or "1"),
         (Column("meaning", "meaning", brief=False), lambda r, p: p.meaning),
-        (Column("warm start", "warm_start", OF_ROW), lambda r, p: Number(p.warm_start, p.unit, p.sd)),
+        (Column("warm start", "warm_start", UNIT_OF_ROW), lambda r, p: Number(p.warm_start, p.unit, p.sd)),
         (
-            Column("its sd", "warm_start_sd", OF_ROW, brief=False),
+            Column("its sd", "warm_start_sd", UNIT_OF_ROW, brief=False),
             lambda r, p: Number(p.warm_start_sd, p.unit, p.warm_start_sd),
         ),
-        (Column("mean", "mean", OF_ROW), lambda r, p: Number(p.mean, p.unit, p.sd)),
-        (Column("sd", "sd", OF_ROW), lambda r, p: Number(p.sd, p.unit, p.sd)),
-        (Column("5 %", "q05", OF_ROW), lambda r, p: Number(p.estimate.q05, p.unit, p.sd)),
-        (Column("median", "median", OF_ROW), lambda r, p: Number(p.estimate.median, p.unit, p.sd)),
-        (Column("95 %", "q95", OF_ROW), lambda r, p: Number(p.estimate.q95, p.unit, p.sd)),
+        (Column("mean", "mean", UNIT_OF_ROW), lambda r, p: Number(p.mean, p.unit, p.sd)),
+        (Column("sd", "sd", UNIT_OF_ROW), lambda r, p: Number(p.sd, p.unit, p.sd)),
+        (Column("5 %", "q05", UNIT_OF_ROW), lambda r, p: Number(p.estimate.q05, p.unit, p.sd)),
+        (Column("median", "median", UNIT_OF_ROW), lambda r, p: Number(p.estimate.median, p.unit, p.sd)),
+        (Column("95 %", "q95", UNIT_OF_ROW), lambda r, p: Number(p.estimate.q95, p.unit, p.sd)),
         (Column("R-hat", "rhat", "1"), lambda r, p: Number(p.rhat, "1", 0.01)),
         (Column("ESS bulk", "ess_bulk", "1"), lambda r, p: Number(p.ess_bulk, "1", 10.0)),
         (Column("ESS tail", "ess_tail", "1"), lambda r, p: Number(p.ess_tail, "1", 10.0)),
@@ -255,8 +255,8 @@ def fit_table(records: Sequence[RecordContent]) -> Table:
         (_UNIT, lambda r, c, f: unit_label(c.unit) or "1"),
         (Column("n", "n", "1"), lambda r, c, f: int(f["n"])),
         (Column("p", "p", "1"), lambda r, c, f: int(f["p"])),
-        (Column("SSE", "sse", SQUARED), lambda r, c, f: Number(f.get("sse"), squared(c.unit))),
-        (Column("RMSE", "rmse", OF_ROW), lambda r, c, f: Number(f.get("rmse"), c.unit)),
+        (Column("SSE", "sse", UNIT_OF_ROW_SQUARED), lambda r, c, f: Number(f.get("sse"), squared(c.unit))),
+        (Column("RMSE", "rmse", UNIT_OF_ROW), lambda r, c, f: Number(f.get("rmse"), c.unit)),
         (Column("R²", "r2", "1"), lambda r, c, f: Number(f.get("r2"), "1", 1e-4)),
         (Column("adjusted R²", "adj_r2", "1"), lambda r, c, f: Number(f.get("adj_r2"), "1", 1e-4)),
         grouped=3,
@@ -284,7 +284,7 @@ def correlation_table(records: Sequence[RecordContent]) -> Table:
         (Column("R²", "r2", "1"), lambda r, c, which, found: found.get("r2")),
         (Column("adjusted R²", "adj_r2", "1"), lambda r, c, which, found: found.get("adj_r2")),
         (_UNIT, lambda r, c, which, found: unit_label(c.unit) or "1"),
-        (Column("RMSE", "rmse", OF_ROW), lambda r, c, which, found: found.get("rmse")),
+        (Column("RMSE", "rmse", UNIT_OF_ROW), lambda r, c, which, found: found.get("rmse")),
         grouped=3,
     )
 
@@ -296,7 +296,7 @@ AVERAGE_COLUMNS: Final = (
     Column("R²", "r2", "1"),
     Column("adjusted R²", "adj_r2", "1"),
     Column("unit", "unit"),
-    Column("RMSE", "rmse", OF_ROW),
+    Column("RMSE", "rmse", UNIT_OF_ROW),
     Column("draws without r", "undefined", "1", brief=False),
 )
 """Columns of `average_cells`."""
@@ -367,7 +367,7 @@ def quantity_table(content: Content) -> Table:
         (
             *_RECORD,
             *words("quantity", "channel", "unit"),
-            Column("value", "value", OF_ROW),
+            Column("value", "value", UNIT_OF_ROW),
             Column("meaning", "meaning", brief=False),
         ),
         tuple(rows),
@@ -393,7 +393,7 @@ def transformation_table(records: Sequence[RecordContent]) -> Table:
         (Column("meaning", "meaning", brief=False), lambda r, name, t: t.meaning),
         (Column("channel", "channel"), lambda r, name, t: r.name_of(t.channel)),
         (_UNIT, lambda r, name, t: unit_label(t.unit) or "1"),
-        (Column("value", "value", OF_ROW), lambda r, name, t: Estimate.of(t, t.unit)),
+        (Column("value", "value", UNIT_OF_ROW), lambda r, name, t: Estimate.of(t, t.unit)),
         (Column("outstanding", "outstanding", "1"), lambda r, name, t: Number(t.outstanding, "1", 0.01)),
         (Column("samples between", "samples", "1"), lambda r, name, t: t.samples),
         (
@@ -492,10 +492,13 @@ def missed_table(records: Sequence[RecordContent]) -> Table:
         *_OF_RECORD,
         (Column("channel", "channel"), lambda r, channel, m, fine: r.name_of(channel)),
         (_UNIT, lambda r, channel, m, fine: unit_label(m.unit) or "1"),
-        (Column("rms", "rms", OF_ROW), lambda r, channel, m, fine: Number(m.rms, m.unit, fine)),
-        (Column("largest", "largest", OF_ROW), lambda r, channel, m, fine: Number(m.largest, m.unit, fine)),
+        (Column("rms", "rms", UNIT_OF_ROW), lambda r, channel, m, fine: Number(m.rms, m.unit, fine)),
         (
-            Column("between sweeps", "between_sweeps", OF_ROW),
+            Column("largest", "largest", UNIT_OF_ROW),
+            lambda r, channel, m, fine: Number(m.largest, m.unit, fine),
+        ),
+        (
+            Column("between sweeps", "between_sweeps", UNIT_OF_ROW),
             lambda r, channel, m, fine: Number(m.between_sweeps, m.unit, fine),
         ),
         (
@@ -523,13 +526,13 @@ def nearest_table(records: Sequence[RecordContent]) -> Table:
     return table_of(
         "nearest",
         "Nearest published parameters",
-        f"{NEAREST} Median and {INTERVAL}; none where more than 5 % of the draws have no nearest curve.",
+        f"{NEAREST_CURVE_NOTE} Median and {INTERVAL}; none where more than 5 % of the draws have no nearest curve.",
         [(r, name, p) for r in records if r.other_than_published for name, p in r.document.nearest.items()],
         *_OF_RECORD,
         (Column("channel", "channel"), lambda r, name, p: r.name_of(p.channel)),
         (Column("parameter", "parameter"), lambda r, name, p: name),
         (_UNIT, lambda r, name, p: unit_label(p.unit) or "1"),
-        (Column("value", "value", OF_ROW), lambda r, name, p: Estimate.of(p, p.unit)),
+        (Column("value", "value", UNIT_OF_ROW), lambda r, name, p: Estimate.of(p, p.unit)),
         (Column("nearest over", "range"), lambda r, name, p: ends(r)),
         (
             Column("draws with a value", "defined", "1", brief=False),
@@ -579,7 +582,8 @@ def check_table(records: Sequence[RecordContent]) -> Table:
         "A statistic of the standardised residuals, memory of the noise taken out: measured (posterior median), and "
         "the 5 % and 95 % quantile of replicated data. The p-value is the share of replications beyond the measured "
         "one; near 0 or 1 the model misses something. It comes in steps of "
-        f"{1 / CHECKED:.3g}. Of sweeps left out it is exact: each is predicted from the others, the most different one "
+        f"{1 / CHECK_DRAWS:.3g}. "
+        "Of sweeps left out it is exact: each is predicted from the others, the most different one "
         "is measured, and all are paid for.",
         [
             (r, c, None if c.q05 is None or c.q95 is None else (c.q95 - c.q05) / 3.0)
@@ -592,7 +596,10 @@ def check_table(records: Sequence[RecordContent]) -> Table:
         (Column("measured", "measured", "1"), lambda r, c, width: Number(c.measured, "1", width)),
         (Column("replicated 5 %", "replicated_q05", "1"), lambda r, c, width: Number(c.q05, "1", width)),
         (Column("replicated 95 %", "replicated_q95", "1"), lambda r, c, width: Number(c.q95, "1", width)),
-        (Column("p-value", "p_value", "1"), lambda r, c, width: Number(c.p_value, "1", 0.05, CHANCE)),
+        (
+            Column("p-value", "p_value", "1"),
+            lambda r, c, width: Number(c.p_value, "1", 0.05, FALSE_ALARM_RATE),
+        ),
         (Column("failed", "failed"), lambda r, c, width: c.failed),
         (Column("what it would show", "meaning", brief=False), lambda r, c, width: c.meaning),
         grouped=3,
@@ -653,7 +660,7 @@ def printed_table(content: Content) -> Table:
         (Column("parameter", "parameter"), lambda c, cell: c.parameter),
         (_UNIT, lambda c, cell: unit_label(cell.unit) or "1"),
         (Column("printed", "printed"), lambda c, cell: cell.printed),
-        (Column("posterior", "posterior", OF_ROW), lambda c, cell: c.estimate),
+        (Column("posterior", "posterior", UNIT_OF_ROW), lambda c, cell: c.estimate),
         (Column("distance [sd]", "distance_sd", "1"), lambda c, cell: Number(c.distance, "1", 0.1)),
         (Column("inside", "inside"), lambda c, cell: c.inside),
         (Column("printed value is", "status"), lambda c, cell: str(cell.status)),
@@ -685,7 +692,7 @@ def cell_text(cell: Cell, power: int | None = None) -> str:
 def powers(table: Table) -> tuple[int | None, ...]:
     """Power of ten of each column whose numbers share a unit, so that all are written alike; None for other columns."""
     return tuple(
-        _power([row[place] for row in table.rows]) if column.unit not in ("", SQUARED) else None
+        _power([row[place] for row in table.rows]) if column.unit not in ("", UNIT_OF_ROW_SQUARED) else None
         for place, column in enumerate(table.columns)
     )
 
@@ -776,19 +783,23 @@ def tex(table: Table) -> str:
 def _tex_head(column: Column, power: int) -> Tex:
     """Header with its unit for siunitx, and the power of ten that the numbers of the column have in common."""
     name = tex_symbol(column.name)
-    if power and column.unit in ("1", OF_ROW):
-        return Tex(f"{name} [$10^{{{power}}}${' unit' if column.unit == OF_ROW else ''}]")
-    if column.unit in ("", "1", OF_ROW, SQUARED):
+    if power and column.unit in ("1", UNIT_OF_ROW):
+        return Tex(f"{name} [$10^{{{power}}}${' unit' if column.unit == UNIT_OF_ROW else ''}]")
+    if column.unit in ("", "1", UNIT_OF_ROW, UNIT_OF_ROW_SQUARED):
         return Tex(tex_text(column.header_with(power)) if name == tex_text(column.name) else name)
     unit = " ".join(part for part in (f"$10^{{{power}}}$" if power else "", tex_unit(column.unit)) if part)
     return Tex(f"{name} [{unit}]")
 
 
 def _alignment(table: Table, place: int, places: Sequence[int]) -> str:
-    if table.columns[place].key in WIDE:
-        shares = [WIDE[table.columns[i].key] for i in places if table.columns[i].key in WIDE]
-        room = min(1.0, WIDEST / sum(shares)) if len(shares) > 1 else 1.0
-        return wrapped(f"{room * WIDE[table.columns[place].key]:.3g}")
+    if table.columns[place].key in WRAPPED_COLUMN_SHARES:
+        shares = [
+            WRAPPED_COLUMN_SHARES[table.columns[i].key]
+            for i in places
+            if table.columns[i].key in WRAPPED_COLUMN_SHARES
+        ]
+        room = min(1.0, MAX_WRAPPED_SHARE / sum(shares)) if len(shares) > 1 else 1.0
+        return wrapped(f"{room * WRAPPED_COLUMN_SHARES[table.columns[place].key]:.3g}")
     numeric = table.columns[place].unit != ""
     return "r" if numeric else "l"
 
@@ -821,7 +832,7 @@ def _group_word(column: Column, value: Cell) -> str:
         return "" if value else "not converged"
     if cell_text(value) == MISSING:
         return ""
-    unit = "" if column.unit == OF_ROW else unit_label(column.unit)
+    unit = "" if column.unit == UNIT_OF_ROW else unit_label(column.unit)
     return f"{cell_text(value)} {unit}".rstrip()
 
 

@@ -25,7 +25,7 @@ STAGES: Final = {
     "figures": "drawing figures",
 }
 """Stages in words, in the order of the table; the report itself can't say how long it took."""
-LEAST: Final = 0.01
+LEAST_TIME_S: Final = 0.01
 """Time that counts [s]."""
 
 
@@ -56,4 +56,4 @@ def account_table(found: RunAccount, spent: Account) -> Table:
 
 
 def _seconds(value: float) -> Number:
-    return Number(value, "s", max(0.1 * value, LEAST))
+    return Number(value, "s", max(0.1 * value, LEAST_TIME_S))

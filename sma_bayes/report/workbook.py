@@ -11,7 +11,7 @@ import numpy as np
 from sma_bayes.report.tables import Table, csv_columns
 from sma_bayes.runs.store import write_file
 
-LONGEST: Final = 31
+SHEET_NAME_LETTERS: Final = 31
 """Letters that Excel allows in the name of a sheet."""
 
 
@@ -38,7 +38,7 @@ def write_workbook(tables: Mapping[str, Table], path: Path) -> None:
     for table in tables.values():
         if not table.rows:
             continue
-        sheet = book.create_sheet(table.name[:LONGEST])
+        sheet = book.create_sheet(table.name[:SHEET_NAME_LETTERS])
         columns = csv_columns(table)
         sheet.append(list(columns))
         for row in zip(*columns.values(), strict=True):

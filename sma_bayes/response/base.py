@@ -26,15 +26,15 @@ from sma_bayes.records.types import Record
 
 Curves = Callable[[Floats, Mapping[str, Floats]], dict[str, Floats]]
 
-STEP = float(np.cbrt(np.finfo(float).eps))
+RELATIVE_STEP = float(np.cbrt(np.finfo(float).eps))
 """Relative step of central differences: what cancels and what is cut off are then about equal."""
-OWN_SIZE = 1e-3
+LEAST_RELATIVE_SIZE = 1e-3
 """Least step for a parameter without a role, in steps for the largest of those that are looked at together."""
-APART = 0.5
+LEAST_START_DISTANCE = 0.5
 """Least distance of starting points, in standard deviations of the draws of a parameter of shape."""
-SIZES = (1e-3, 1e3)
+LINEAR_PARAMETER_RANGE = (1e-3, 1e3)
 """Range in which a linear parameter of known sign is kept, in spans of its channel."""
-HELD_BACK = 0.03
+PRIOR_WEIGHT = 0.03
 """Weight of the prior where linear parameters are solved for."""
 _LEVELS = frozenset({Role.OFFSET, Role.LEVEL})
 _SCALED = _LEVELS | {Role.SPAN, Role.EFFECT, Role.COLD_SLOPE, Role.HOT_SLOPE, Role.SLOPE}
@@ -211,7 +211,7 @@ class ResponseModel(ABC):
         theta = np.asarray(theta, dtype=float)
         columns: dict[str, list[Floats]] = {c: [] for c in self.channels}
         for i, size in enumerate(self._sizes(theta, inputs["temperature"])):
-            step = STEP * np.maximum(np.abs(theta[..., i]), size)
+            step = RELATIVE_STEP * np.maximum(np.abs(theta[..., i]), size)
             up, down = theta.copy(), theta.copy()
             up[..., i] += step
             down[..., i] -= step
@@ -240,7 +240,7 @@ class ResponseModel(ABC):
             elif fact.role in (Role.COLD_SLOPE, Role.HOT_SLOPE, Role.SLOPE):
                 out.append(of_channel / width)
             elif fact.role is None:
-                out.append(OWN_SIZE * own or 1.0)
+                out.append(LEAST_RELATIVE_SIZE * own or 1.0)
             else:
                 out.append(of_channel if fact.role in _SCALED else 1.0)
         return out
@@ -436,7 +436,7 @@ class ResponseModel(ABC):
         """Draws with the linear parameters of a channel solved for, and their sums of squares (W,).
 
         Draws of the prior say how large a parameter may be: as far as they scatter counts as much as one sample that
-        is off by `HELD_BACK` spans. A parameter of one sign keeps it.
+        is off by `PRIOR_WEIGHT` spans. A parameter of one sign keeps it.
         """
         y = data[channel]
         where = {f.name: f for f in self.facts}
@@ -454,13 +454,15 @@ class ResponseModel(ABC):
             left = y - self.predict(base, data)[channel]
             scale = float(np.ptp(y)) or 1.0
             design = j * width
-            gram = np.einsum("wni,wnj->wij", design, design) + (HELD_BACK * scale) ** 2 * np.eye(len(columns))
+            gram = np.einsum("wni,wnj->wij", design, design) + (PRIOR_WEIGHT * scale) ** 2 * np.eye(
+                len(columns)
+            )
             solved = np.linalg.solve(gram, np.einsum("wni,wn->wi", design, left)[..., None])[..., 0]
             found = centre + width * np.nan_to_num(solved)
             for k, i in enumerate(columns):
                 signs = np.unique(np.sign(theta[:, i]))
                 if signs.size == 1 and signs[0] != 0.0:
-                    low, high = (scale * s for s in SIZES)
+                    low, high = (scale * s for s in LINEAR_PARAMETER_RANGE)
                     found[:, k] = signs[0] * np.clip(signs[0] * found[:, k], low, high)
             theta[:, columns] = found
         return theta, self._sum_of_squares(theta, data, channel)
@@ -496,7 +498,7 @@ def in_order(
         for i in range(1, len(order)):
             if len(chosen) == starts:
                 break
-            if all(np.max(np.abs(scaled[i] - scaled[k])) > APART for k in chosen):
+            if all(np.max(np.abs(scaled[i] - scaled[k])) > LEAST_START_DISTANCE for k in chosen):
                 chosen.append(i)
     rest = np.setdiff1d(np.arange(len(order)), chosen)
     order = order[np.concatenate([np.array(chosen), rest])]
@@ -508,7 +510,7 @@ def in_order(
 def _by_temperature(f: Curves, theta: Floats, inputs: Mapping[str, Floats]) -> dict[str, Floats]:
     """Central difference of a function of parameters and inputs with respect to temperature."""
     t = np.asarray(inputs["temperature"], dtype=float)
-    step = STEP * (float(np.ptp(t)) or max(float(np.abs(t).max()), 1.0))
+    step = RELATIVE_STEP * (float(np.ptp(t)) or max(float(np.abs(t).max()), 1.0))
     above, below = t + step, t - step
     with np.errstate(over="ignore", invalid="ignore"):
         up = f(theta, {**inputs, "temperature": above})

@@ -117,7 +117,7 @@ def stiffness(
         return np.asarray(sign * np.exp(log_stiffness(temperature, a1, a2, a3, b1, b2, b3)))
 
 
-SAME_RATE = 1e-6
+EQUAL_RATE_TOLERANCE = 1e-6
 """Rates that differ by a smaller share count as equal: Eq. (7) is then bounded at every temperature that matters."""
 _MEANING = {
     "A1": f"span of the {QUANTITY} sigmoid",
@@ -334,7 +334,7 @@ def _stiffness_limits(p: Mapping[str, Floats]) -> tuple[Asymptote, Asymptote]:
     scale = np.log(np.abs(p["B1"] * p["B2"])) - np.log(np.abs(p["A1"] * p["A2"]))
     sign = np.sign(p["B1"]) * np.sign(p["B2"]) * np.sign(p["A1"]) * np.sign(p["A2"])
     a2, b2 = np.abs(p["A2"]), np.abs(p["B2"])
-    apart = np.where(np.abs(a2 - b2) <= SAME_RATE * np.maximum(a2, b2), 0.0, a2 - b2)
+    apart = np.where(np.abs(a2 - b2) <= EQUAL_RATE_TOLERANCE * np.maximum(a2, b2), 0.0, a2 - b2)
     lines = []
     for side in (-1.0, 1.0):
         end = scale + side * (b2 * p["B3"] - a2 * p["A3"])
@@ -421,7 +421,7 @@ def channel_unit(units: Mapping[str, str], channel: str) -> str:
     return {"force": force, "displacement": displacement}[channel]
 
 
-def shape_of(a2: Floats, b2: Floats, tolerance: float = SAME_RATE) -> Sequence[str]:
+def shape_of(a2: Floats, b2: Floats, tolerance: float = EQUAL_RATE_TOLERANCE) -> Sequence[str]:
     """What Eq. (7) does far from the midpoints: a bounded sigmoid only where A2 equals B2.
 
     Returns

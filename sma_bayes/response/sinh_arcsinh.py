@@ -23,7 +23,7 @@ from sma_bayes.arrays import Floats
 from sma_bayes.parameters.roles import Role
 from sma_bayes.response.phase_lines import Argument, LogisticArgument, Parameters
 
-FARTHEST = 150.0
+SINH_ARGUMENT_BOUND = 150.0
 """Bound of the argument of sinh: the share is 0 or 1 to rounding from 8 on, and squares must not overflow."""
 
 
@@ -76,4 +76,4 @@ class SinhArcsinh(SinhArcsinhSlopes):
 def _inner(p: Parameters, u: Floats) -> tuple[Floats, Floats]:
     """``tail asinh(rate u) + skew``, bounded, and ``asinh(rate u)``."""
     w = np.arcsinh(p[Role.RATE] * u)
-    return np.clip(p[Role.TAIL] * w + p[Role.SKEW], -FARTHEST, FARTHEST), w
+    return np.clip(p[Role.TAIL] * w + p[Role.SKEW], -SINH_ARGUMENT_BOUND, SINH_ARGUMENT_BOUND), w

@@ -13,18 +13,18 @@ from sma_bayes.document_part import plain
 from sma_bayes.errors import OutputError
 from sma_bayes.limits import DOCUMENT_BYTES
 
-MARK: Final = "run.json"
+RUN_MARKER: Final = "run.json"
 """File that tells to which run a folder belongs."""
 FILES: Final = "files_sha256"
 """Key of the checksums of the files beside a document."""
-AGAIN: Final = "give the command that started it once more, with --resume"
-FINISH: Final = f"finish it: {AGAIN}"
+RERUN_HINT: Final = "give the command that started it once more, with --resume"
+FINISH_HINT: Final = f"finish it: {RERUN_HINT}"
 
 
 def read_mark(folder: Path) -> dict[str, Any] | None:
     """What the mark of a folder says; None where there is none, or none that says anything."""
     try:
-        mark = json.loads((folder / MARK).read_text(encoding="utf-8"))
+        mark = json.loads((folder / RUN_MARKER).read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError):
         return None
     return mark if isinstance(mark, dict) else None
@@ -101,7 +101,7 @@ class Document:
 
     def anew(self, folder: Path) -> str:
         """What to do where something beside the document can't be used."""
-        return f"remove {folder / self.file} and {AGAIN}"
+        return f"remove {folder / self.file} and {RERUN_HINT}"
 
     def read(self, folder: Path) -> dict[str, Any]:
         """What a finished run found.
@@ -117,7 +117,7 @@ class Document:
                 f"holds {self.what} that is not finished",
                 file=folder,
                 expected=f"a folder with a {self.file}",
-                remedy=FINISH,
+                remedy=FINISH_HINT,
             )
         try:
             if path.stat().st_size > DOCUMENT_BYTES.value:
@@ -129,7 +129,7 @@ class Document:
                 f"can't be read: {why}",
                 file=path,
                 expected=f"JSON as {self.verb} writes it",
-                remedy=f"remove it and {AGAIN}",
+                remedy=f"remove it and {RERUN_HINT}",
             ) from None
         schema = found.get("schema") if isinstance(found, dict) else None
         if schema != self.schema:
@@ -152,7 +152,7 @@ class Document:
                 "is not as it was written: its content does not have the checksum that it states",
                 file=path,
                 expected=f"what {self.verb} wrote, unchanged",
-                remedy=f"take it from a copy; or remove it and {AGAIN}",
+                remedy=f"take it from a copy; or remove it and {RERUN_HINT}",
             )
         for name, checksum in found.get(FILES, {}).items():
             refuse_another(folder / name, checksum, f"file that {self.file} tells of", self.anew(folder))

@@ -36,18 +36,18 @@ from sma_bayes.runs.workers import follow, signals_left_to_parent
 T = TypeVar("T")
 R = TypeVar("R")
 
-IDLE_S = 21_600.0
+WORKER_IDLE_S = 21_600.0
 """Time after which a process without work retires [s].
 
 By joblib's default, 300 s, a stage that follows another after five minutes may hand out tasks just as the processes
 retire, and wait for ever: seen once on a busy machine, with joblib 1.6."""
 
-WORTH_S = 4.0
+LEAST_SAVING_S = 4.0
 """Time that processes have to save on light tasks, to be started for them [s]; to start two takes half of it."""
 
-TRIES = 4
+MAX_ATTEMPTS = 4
 """How often a task is begun, at most, where worker processes come to an end in the middle of it."""
-AHEAD = 2
+TASKS_PER_THREAD = 2
 """Tasks that a cluster is given at a time, for each of its threads."""
 CONNECT_S = 10.0
 """How long a scheduler, and then its first worker, is waited for [s]."""
@@ -119,13 +119,13 @@ def run(
         Stage of the account to which the time is added.
     light : bool
         Tasks that hardly take longer than to start a process. Without `jobs` they are done in this process, as long as
-        that is not expected to cost `WORTH_S`.
+        that is not expected to cost `LEAST_SAVING_S`.
 
     Raises
     ------
     WorkerError
-        If a task was begun `TRIES` times and its process came to an end each time, or the cluster can't be reached
-        any more. What a task itself raises arrives as it is.
+        If a task was begun `MAX_ATTEMPTS` times and its process came to an end each time, or the cluster can't be
+        reached any more. What a task itself raises arrives as it is.
     """
     account = account if account is not None else Account()
     for done in _done(task, items, jobs, account, light):
@@ -159,7 +159,7 @@ def _here_first(
     for number, item in enumerate(items):
         left = len(items) - number
         saved = spent / (number - 1) * left * (1.0 - 1.0 / workers) if number > 1 else 0.0
-        if left > 1 and saved > WORTH_S:
+        if left > 1 and saved > LEAST_SAVING_S:
             yield from _on_processes(task, items[number:], min(workers, left), account)
             return
         done = _timed(task, item)
@@ -189,7 +189,7 @@ def _on_processes(
             n_jobs=workers,
             return_as="generator",
             pre_dispatch="2*n_jobs",
-            idle_worker_timeout=IDLE_S,
+            idle_worker_timeout=WORKER_IDLE_S,
             initializer=follow,
             initargs=(os.getpid(),),
         )
@@ -201,10 +201,10 @@ def _on_processes(
                 yield done
         except TerminatedWorkerError as error:
             account.lost.append(_signals(error))
-            if tries == TRIES:
+            if tries == MAX_ATTEMPTS:
                 raise WorkerError(
                     f"a worker process came to an end in the middle of its task, {_signals(error)}, "
-                    f"{TRIES} times in a row",
+                    f"{MAX_ATTEMPTS} times in a row",
                     expected="memory for all processes, and a disk that isn't full",
                     remedy="repeat with a smaller --jobs; --resume keeps what has been done",
                 ) from None
@@ -329,7 +329,7 @@ def _on_cluster(
     client.subscribe_topic("all", told)
     try:
         while True:
-            room = AHEAD * max(1, sum(client.nthreads().values())) - len(under_way)
+            room = TASKS_PER_THREAD * max(1, sum(client.nthreads().values())) - len(under_way)
             under_way += [client.submit(_on_worker, call, pure=False) for call in islice(calls, max(room, 0))]
             if not under_way:
                 return

@@ -18,8 +18,8 @@ import numpy as np
 
 from sma_bayes.checksum import KEY, content_checksum
 
-PACKED = {"compression": "gzip", "compression_opts": 2, "shuffle": True}
-LONGEST = 100
+COMPRESSION = {"compression": "gzip", "compression_opts": 2, "shuffle": True}
+CHUNK_LENGTH = 100
 """Places along the last dimension that are packed together; with all others, a tenth less room than by h5py's guess."""
 
 Part = tuple[str, Mapping[str, Any], Any]
@@ -110,7 +110,7 @@ def _write_group(place: Any, group: VariableGroup, *, packed: bool) -> Iterator[
 def _packing(variable: Variable) -> dict[str, Any]:
     """How a variable is compressed, a chunk to so many places along its last dimension."""
     *others, last = np.shape(variable.values)
-    return {**PACKED, "chunks": (*others, min(last, LONGEST))}
+    return {**COMPRESSION, "chunks": (*others, min(last, CHUNK_LENGTH))}
 
 
 def _write_variable(

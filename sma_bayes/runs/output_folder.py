@@ -8,7 +8,7 @@ from pathlib import Path
 from typing import Any
 
 from sma_bayes.errors import OutputError, ResumeError
-from sma_bayes.runs.documents import MARK, read_mark
+from sma_bayes.runs.documents import RUN_MARKER, read_mark
 from sma_bayes.runs.store import nothing_unfinished, sweep_unfinished, write_json
 
 
@@ -34,10 +34,10 @@ def release(folder: Path, made: Sequence[Path]) -> None:
         Folders that the claim made, the innermost first.
     """
     inside = sorted(folder.rglob("*"), reverse=True)
-    if any(p.is_file() and p != folder / MARK for p in inside):
+    if any(p.is_file() and p != folder / RUN_MARKER for p in inside):
         return
     with suppress(OSError):  # what can't be removed does no harm; the reason why we are here is what counts
-        (folder / MARK).unlink(missing_ok=True)
+        (folder / RUN_MARKER).unlink(missing_ok=True)
         for place in (*(p for p in inside if p.is_dir()), *made):
             place.rmdir()
 
@@ -58,7 +58,7 @@ def claim_folder(folder: Path, identity: dict[str, Any], resume: bool) -> tuple[
         If it holds a run of other data, priors, options or versions.
     """
     try:
-        if (folder / MARK).is_file():
+        if (folder / RUN_MARKER).is_file():
             _check_mark(folder, identity, resume)
             sweep_unfinished(folder)
             return ()
@@ -79,7 +79,7 @@ def claim_folder(folder: Path, identity: dict[str, Any], resume: bool) -> tuple[
             remedy="choose another --out",
         ) from None  # fmt: skip
     try:
-        write_json(folder / MARK, identity)
+        write_json(folder / RUN_MARKER, identity)
     except OutputError:
         release(folder, made)
         raise
@@ -91,7 +91,7 @@ def _check_mark(folder: Path, identity: dict[str, Any], resume: bool) -> None:
     if found is None:
         raise OutputError(
             "does not say which run the folder holds",
-            file=folder / MARK,
+            file=folder / RUN_MARKER,
             expected="what `fit` wrote there",
             remedy="choose another --out",
         )

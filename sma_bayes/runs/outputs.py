@@ -20,10 +20,10 @@ from sma_bayes.runs.documents import (
     CARD,
     COMPARISON,
     CONDITIONS,
-    FINISH,
+    FINISH_HINT,
     FIT,
     GAP,
-    MARK,
+    RUN_MARKER,
     SENSITIVITY,
     SIMULATION,
     STUDY,
@@ -171,12 +171,12 @@ def read_run(folder: Path) -> StoredRun:
                 expected="a folder with a summary.json",
                 remedy="name the folder that was given to fit as --out; of a study the one called fit",
             )
-        begun = (folder / MARK).is_file()
+        begun = (folder / RUN_MARKER).is_file()
         raise OutputError(
             "holds a run that is not finished" if begun else "holds no run of sma_bayes",
             file=folder,
             expected="a folder with a summary.json",
-            remedy=FINISH if begun else "name the folder that was given to fit as --out",
+            remedy=FINISH_HINT if begun else "name the folder that was given to fit as --out",
         )
     summary = read_fit(folder)
     missing = _missing(folder, summary)
@@ -185,7 +185,7 @@ def read_run(folder: Path) -> StoredRun:
             f"lacks {first_of(missing, 3)}",
             file=folder,
             expected="a posterior and bands for each record of summary.json",
-            remedy=FINISH,
+            remedy=FINISH_HINT,
         )
     priors = folder / "priors.toml"
     return StoredRun(folder, summary, priors.read_text(encoding="utf-8") if priors.is_file() else "")
@@ -260,7 +260,10 @@ def read_band(path: Path) -> StoredBand:
         )
     except (OSError, ValueError, KeyError, StopIteration) as error:
         raise OutputError(
-            f"can't be read as a band: {error}", file=path, expected="a band as fit writes it", remedy=FINISH
+            f"can't be read as a band: {error}",
+            file=path,
+            expected="a band as fit writes it",
+            remedy=FINISH_HINT,
         ) from None
 
 
@@ -359,7 +362,7 @@ def _read_record(path: Path, *, whole: bool) -> StoredRecord:
             f"can't be read as a posterior: {error}",
             file=path,
             expected="NetCDF as fit wrote it",
-            remedy=FINISH,
+            remedy=FINISH_HINT,
         ) from None
 
 

@@ -38,7 +38,7 @@ MEASURED_SWEEPS = "_of_measured_sweeps"
 """How the names of variables end that hold parameters of the curve of the measured sweeps, where these differ."""
 PREDICTIVE_DRAWS = 125
 """Draws of each ensemble for which pointwise likelihood and replicated data are stored."""
-LARGEST = float(np.finfo(np.float32).max)
+LARGEST_SINGLE = float(np.finfo(np.float32).max)
 """Greatest number of single precision."""
 LOG_STEP = 2.0**-7
 """To what log densities of samples are rounded; the error of their sum over draws is far below that of the draws."""
@@ -280,13 +280,13 @@ def _rounded(values: Floats, step: float) -> Any:
 
 def _significant(values: Floats, bits: int) -> Any:
     """Values to so many binary digits, in single precision."""
-    mantissa, exponent = np.frexp(np.clip(values, -LARGEST, LARGEST))
+    mantissa, exponent = np.frexp(np.clip(values, -LARGEST_SINGLE, LARGEST_SINGLE))
     return _single(np.ldexp(np.round(mantissa * 2.0**bits) / 2.0**bits, exponent))
 
 
 def _single(values: Floats) -> Any:
     """Values in single precision, whose far ends stand for what overflows."""
-    return np.clip(values, -LARGEST, LARGEST).astype(np.float32)
+    return np.clip(values, -LARGEST_SINGLE, LARGEST_SINGLE).astype(np.float32)
 
 
 def _discrepancy_weights(fit: Fit, record: int) -> dict[str, Variable]:

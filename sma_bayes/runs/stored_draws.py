@@ -19,7 +19,7 @@ from sma_bayes.parameters.space import Parameter, ParameterSpace
 from sma_bayes.quantities import SPECIMEN_QUANTITY
 from sma_bayes.records.types import Branch, Calibration, Condition, HeldChannel, Record
 from sma_bayes.response import RESPONSE_MODELS
-from sma_bayes.runs.documents import FINISH
+from sma_bayes.runs.documents import FINISH_HINT
 from sma_bayes.runs.fit_document import ParameterSummary, RecordSummary, refuse_shared_parameters
 from sma_bayes.runs.outputs import StoredRecord, posterior_of, posterior_path, read_run
 
@@ -70,7 +70,7 @@ def draws_of(folder: Path, summary: RecordSummary, seed: int) -> RecordDraws:
             f"does not agree with summary.json: {error}",
             file=path,
             expected="the posterior that this fit wrote",
-            remedy=FINISH,
+            remedy=FINISH_HINT,
         ) from None
     record = posterior.records[0]
     errors = calibration_errors(calibrations_of(record), seed, record.key, len(theta))

@@ -21,24 +21,24 @@ from sma_bayes.sampling.proposals import (
     StudentMixture,
 )
 from sma_bayes.sampling.shape import one_component, spread
-from sma_bayes.sampling.weighted import LEAST, ImportanceSample, Weights, tempered
+from sma_bayes.sampling.weighted import LEAST_EFFICIENCY, ImportanceSample, Weights, tempered
 
-DRAWS = 500
+ROUND_DRAWS = 500
 """Importance draws of one round."""
-FIRST = 256
+FIRST_DRAWS = 256
 """Those of a first look at a proposal as linearising gives it."""
-LINEAR = 0.92
+LINEAR_EFFICIENCY = 0.92
 """Efficiency of a first look at which no other coordinates are looked at: 0.94 where the response is linear, but for
 chance."""
-ROUNDS = 6
+MAX_ROUNDS = 6
 """Greatest number of rounds for one set of coordinates."""
-GOOD = 0.7
+GOOD_EFFICIENCY = 0.7
 """Efficiency at which refining stops. At 0.6 a mild banana still passes, whose tail has weights that end a run."""
 WALKERS_AND_STEPS = (64, 60)
 """Walkers and steps that look for what a proposal does not reach."""
-USABLE = 0.3
+USABLE_EFFICIENCY = 0.3
 """Efficiency below which a proposal does not carry a run alone."""
-GREATEST_SHARE = 30.0
+GREATEST_WEIGHT = 30.0
 """Greatest importance weight, as a multiple of the mean weight, of a proposal that carries a run alone."""
 
 
@@ -73,18 +73,22 @@ class Adapted:
     @property
     def misses(self) -> bool:
         """Whether another move met what this proposal hardly ever draws: of that, its own draws know nothing."""
-        return self.greatest_seen > GREATEST_SHARE
+        return self.greatest_seen > GREATEST_WEIGHT
 
     @property
     def carries(self) -> bool:
         """Whether an independence move with this proposal is enough by itself."""
         weights = self.weights
-        return weights.efficiency >= USABLE and weights.greatest <= GREATEST_SHARE and not self.misses
+        return (
+            weights.efficiency >= USABLE_EFFICIENCY
+            and weights.greatest <= GREATEST_WEIGHT
+            and not self.misses
+        )
 
     @property
     def good(self) -> bool:
         """Whether it carries a run, and fitting it again would hardly make it better."""
-        return self.weights.efficiency >= GOOD and self.carries
+        return self.weights.efficiency >= GOOD_EFFICIENCY and self.carries
 
     def judged(self, z: Floats, log_prob: Floats) -> Adapted:
         """The same, as draws (n, D) of another move see it; `log_prob` (n,) is what the density is there."""
@@ -128,8 +132,8 @@ def _mixed(density: Density, fitted: Sequence[Adapted], rng: np.random.Generator
     share = np.maximum(share / share.sum(), 0.02)
     parts = tuple(f.proposal for f in fitted if isinstance(f.proposal, Proposal))
     proposal = MixedProposal(share / share.sum(), parts)
-    last = weigh(density, proposal, rng, 4 * DRAWS)
-    return Adapted(proposal, last, sum(f.evaluations for f in fitted) + 4 * DRAWS)
+    last = weigh(density, proposal, rng, 4 * ROUND_DRAWS)
+    return Adapted(proposal, last, sum(f.evaluations for f in fitted) + 4 * ROUND_DRAWS)
 
 
 def with_wide_share(adapted: Adapted, share: float = 0.2) -> Adapted:
@@ -150,11 +154,11 @@ def _adapt_mode(density: Density, mode: Mode, rng: np.random.Generator) -> Adapt
         return _adapt_plain(density, mode, rng)
     proposal, last = looks[0]
     best = Adapted(proposal, last, 0)
-    evaluations = FIRST * len(looks)
+    evaluations = FIRST_DRAWS * len(looks)
     if not best.good:  # what a fit to draws learns of a good one is less than what it would lose by chance
         fitted: list[Adapted] = []
         for proposal, _ in looks:
-            fitted.append(_refine(density, proposal, rng, DRAWS))
+            fitted.append(_refine(density, proposal, rng, ROUND_DRAWS))
             if fitted[-1].good:
                 break
         best = max(fitted, key=lambda f: f.weights.efficiency)
@@ -174,8 +178,8 @@ def _screened(
     looks: list[tuple[Proposal, ImportanceSample]] = []
     for coordinates, narrow in linearised.proposals(mode.covariance, rng):
         proposal = Proposal(coordinates, narrow, wide)
-        looks.append((proposal, weigh(density, proposal, np.random.default_rng(seed), FIRST)))
-        if looks[-1][1].weights.efficiency >= LINEAR:
+        looks.append((proposal, weigh(density, proposal, np.random.default_rng(seed), FIRST_DRAWS)))
+        if looks[-1][1].weights.efficiency >= LINEAR_EFFICIENCY:
             break
     return sorted(looks, key=lambda look: -look[1].weights.efficiency)
 
@@ -193,12 +197,12 @@ def _adapt_plain(density: Density, mode: Mode, rng: np.random.Generator) -> Adap
     bent = shape.blocks()[-1]
     bend = one_component(centre[bent], shape.covariance[np.ix_(bent, bent)])
     found = _refine(
-        density, Proposal(shape.coordinates, shape.mixture(centre, [bend]), wide), rng, draws=2 * DRAWS
+        density, Proposal(shape.coordinates, shape.mixture(centre, [bend]), wide), rng, draws=2 * ROUND_DRAWS
     )
-    if found.weights.efficiency >= GOOD:
+    if found.weights.efficiency >= GOOD_EFFICIENCY:
         return found
     several = shape.mixture(centre, [spread(bend, rng, 6)])
-    more = _refine(density, Proposal(shape.coordinates, several, wide), rng, draws=8 * DRAWS)
+    more = _refine(density, Proposal(shape.coordinates, several, wide), rng, draws=8 * ROUND_DRAWS)
     better = more if more.weights.efficiency > found.weights.efficiency else found
     return replace(better, evaluations=found.evaluations + more.evaluations)
 
@@ -208,7 +212,7 @@ def _looked_around(density: Density, adapted: Adapted, rng: np.random.Generator)
 
     A proposal fitted to its own draws can be blind to the end of a bend: no draw gets there, and weights look even.
     """
-    own = weigh(density, adapted.proposal, rng, DRAWS)
+    own = weigh(density, adapted.proposal, rng, ROUND_DRAWS)
     dimension = own.z.shape[1]
     walkers = max(WALKERS_AND_STEPS[0], 2 * dimension + 2)
     if np.count_nonzero(own.weights.normalised) < walkers:
@@ -219,7 +223,7 @@ def _looked_around(density: Density, adapted: Adapted, rng: np.random.Generator)
     stream = np.random.RandomState(np.random.MT19937(rng.integers(2**63)))
     state = State(start, random_state=stream.get_state())
     sampler.run_mcmc(state, WALKERS_AND_STEPS[1], skip_initial_state_check=True)
-    evaluations = adapted.evaluations + DRAWS + walkers * (WALKERS_AND_STEPS[1] + 1)
+    evaluations = adapted.evaluations + ROUND_DRAWS + walkers * (WALKERS_AND_STEPS[1] + 1)
     met = Adapted(adapted.proposal, own, 0).judged(
         sampler.get_chain(flat=True), sampler.get_log_prob(flat=True)
     )
@@ -238,13 +242,13 @@ def _refine(density: Density, proposal: Proposal, rng: np.random.Generator, draw
     evaluations = worse = 0
     rounds = _Rounds()
     several = proposal.narrow.components > 1
-    for _ in range(ROUNDS):
+    for _ in range(MAX_ROUNDS):
         z, log_q, u, back = proposal.draw_with_coordinates(rng, draws)
         last = ImportanceSample.of(density.log_prob, z, log_q)
         weights = last.weights
         evaluations += draws
         worse = 0 if weights.efficiency > 1.1 * best.weights.efficiency else worse + 1
-        good = weights.efficiency >= GOOD
+        good = weights.efficiency >= GOOD_EFFICIENCY
         if weights.efficiency > best.weights.efficiency:
             best = Adapted(proposal, last, evaluations)
         if (worse >= 2 and not good) or (good and several):
@@ -270,7 +274,7 @@ class _Rounds:
     def add(self, drawn: ImportanceSample, u: Floats, back: Bools, alone: bool) -> None:
         """Add a round with its coordinates; if it is to stand alone, or needs tempering, those before are forgotten."""
         weights = drawn.weights
-        if alone or weights.efficiency < LEAST:
+        if alone or weights.efficiency < LEAST_EFFICIENCY:
             self.z, self.u, self.weight = [], [], []
         usable = np.isfinite(weights.log_weight)
         if not usable.any():

@@ -7,7 +7,7 @@ Three looks come from outside:
 1. the Pareto exponent of the weights of all proposals, which says how heavy their tail is beyond what was drawn;
 2. draws of a second, wider proposal, weighed by the density over its own density: they estimate, whatever the first
    one does, the share of the posterior that lies where the first hardly draws, that is where the posterior is more
-   than `RARELY` times its density;
+   than `UNDERSAMPLED_WEIGHT` times its density;
 3. differential evolution, begun at the outermost draws of every parameter: walkers walk off along a tail whose
    direction nobody has foreseen.
 
@@ -55,34 +55,34 @@ from sma_bayes.sampling.proposals import (
 )
 from sma_bayes.sampling.weighted import Weights, tempered
 
-RARELY: Final = 10.0
+UNDERSAMPLED_WEIGHT: Final = 10.0
 """Posterior over proposal, in mean weights, from which the proposal counts as hardly drawing there, in a run that is
 just long enough for the target."""
-MOST_OUTSIDE: Final = 0.003
+MAX_UNDERSAMPLED_SHARE: Final = 0.003
 """Greatest share of the posterior that may lie where the proposal hardly draws. So much more beyond a 97.5 % quantile
 moves that of a normal distribution by 0.05 standard deviations. The first proposals of the twin campaign leave none; a
 false alarm costs one more set of proposals."""
-HIGHEST_K: Final = 0.5
+MAX_PARETO_K: Final = 0.5
 """Greatest Pareto exponent of the weights: beyond, their variance is infinite, and with it that of the evidence."""
-MOST_MET: Final = 30.0
+MAX_MET_WEIGHT: Final = 30.0
 """Greatest weight, in mean weights, that walkers of differential evolution may meet, in such a run."""
-NEEDLE: Final = 3.0
+STRETCH_FACTOR: Final = 3.0
 """Factor by which a component of the wider proposal is stretched in its direction."""
-WEAK, LONGEST = 0.2, 5.0
+WEAK_CONTRACTION, MAX_STRETCH = 0.2, 5.0
 """Posterior over prior sd from which the data count as hardly determining a coordinate, which is then stretched to the
 prior's width, but by so much at most."""
-KERNELS, KERNEL = 16, 0.7
+MAX_KERNELS, KERNEL_SDS = 16, 0.7
 """Points met where the proposal hardly draws about which a mended one has components, at most, and the size of these in
 standard deviations of the posterior."""
 TAIL_DF: Final = 5.0
 """Degrees of freedom of the wider proposal."""
-PROBES: Final = 512
+WIDER_DRAWS: Final = 512
 """Draws of the wider proposal."""
-LOOKED_AT: Final = 768
+MAX_SHAPE_DRAWS: Final = 768
 """Draws of the run, at most, from which the shape of the posterior is taken."""
 WALKERS, STEPS = 96, 6
 """Of differential evolution from the outermost draws."""
-MENDED_COMPONENTS, MENDED_ROUNDS, MOST_FITTED = 8, 20, 8000
+MENDED_COMPONENTS, MENDED_ROUNDS, MAX_FITTED_DRAWS = 8, 20, 8000
 """Of the mixture that mends a proposal: components, rounds of fitting, draws of the run it is fitted to, at most."""
 MENDED_DRAWS: Final = 2048
 """By which a mended proposal is judged, and where its run begins; to as many one that reaches further is fitted."""
@@ -128,7 +128,7 @@ class Audited:
     wider : Proposal
         Needles about the draws of the run and about what was met beyond them.
     z : ndarray, shape (S, D)
-        Draws of the run, `MOST_FITTED` at most.
+        Draws of the run, `MAX_FITTED_DRAWS` at most.
     longer : float
         By what factor longer the run must be for its proposal to pass as it is: 1 where it does, infinite where no
         length of run does.
@@ -196,7 +196,7 @@ def reaching_further(density: Density, adapted: Adapted, width: Floats, rng: np.
     if np.count_nonzero(usable) <= 4 * width.size:
         return replace(adapted, evaluations=0)
     weight = tempered(Weights(adapted.last.log_weight[usable]))
-    few = adapted.last.z[usable][rng.choice(weight.size, LOOKED_AT, p=weight)]
+    few = adapted.last.z[usable][rng.choice(weight.size, MAX_SHAPE_DRAWS, p=weight)]
     return _joined(density, adapted.proposal, _needles(adapted.proposal, few, width), rng)
 
 
@@ -247,11 +247,11 @@ def audited(
     weights = Weights(log_weight)
     ln_evidence, _ = weights.log_evidence()
     k = float(smoothed_weights(log_weight[np.isfinite(log_weight), None])[1][0])
-    few = z[np.linspace(0, len(z) - 1, min(len(z), LOOKED_AT)).astype(int)]
+    few = z[np.linspace(0, len(z) - 1, min(len(z), MAX_SHAPE_DRAWS)).astype(int)]
     wider = _needles(proposal, few, width)
-    drawn = weigh(density, wider, rng, PROBES)
+    drawn = weigh(density, wider, rng, WIDER_DRAWS)
     over = _over(proposal, drawn.z, drawn.log_prob) - ln_evidence
-    rarely = RARELY * times
+    rarely = UNDERSAMPLED_WEIGHT * times
     rare = over > math.log(rarely)
     share = np.exp(np.clip(drawn.log_weight - ln_evidence, -700.0, 700.0))
     outside = float((share * rare).mean())
@@ -261,25 +261,27 @@ def audited(
     met = _over(proposal, walked, log_prob) - ln_evidence
     greatest = math.exp(min(float(met.max(initial=0.0)), 700.0))
     longer = (
-        max(1.0, greatest / (MOST_MET * times), _reach(over, share) / rarely) if k <= HIGHEST_K else math.inf
+        max(1.0, greatest / (MAX_MET_WEIGHT * times), _reach(over, share) / rarely)
+        if k <= MAX_PARETO_K
+        else math.inf
     )
     passed = longer == 1.0
     if not passed:
         own = _over(proposal, few, density.log_prob(few)) - ln_evidence
         found = np.concatenate([few[own > math.log(rarely)], drawn.z[rare], walked[met > math.log(rarely)]])
-        wider = _needles(proposal, few, width, found[rng.permutation(len(found))[:KERNELS]])
+        wider = _needles(proposal, few, width, found[rng.permutation(len(found))[:MAX_KERNELS]])
     evidence = _evidence(weights, ln_evidence, rarely, outside, outside_sd)
-    evaluations = PROBES + WALKERS * (STEPS + 1) + (0 if passed else len(few))
-    fit_to = z[rng.permutation(len(z))[:MOST_FITTED]]
+    evaluations = WIDER_DRAWS + WALKERS * (STEPS + 1) + (0 if passed else len(few))
+    fit_to = z[rng.permutation(len(z))[:MAX_FITTED_DRAWS]]
     return Audited(
         Audit(k, outside, outside_sd, greatest, passed), evidence, wider, fit_to, longer, evaluations
     )
 
 
 def _reach(over: Floats, share: Floats) -> float:
-    """Posterior over proposal, in mean weights, beyond which no more than `MOST_OUTSIDE` of the posterior lies."""
+    """Posterior over proposal, in mean weights, beyond which at most `MAX_UNDERSAMPLED_SHARE` of the posterior lies."""
     order = np.argsort(-over)
-    beyond = np.cumsum(share[order]) > MOST_OUTSIDE * share.size
+    beyond = np.cumsum(share[order]) > MAX_UNDERSAMPLED_SHARE * share.size
     return float(np.exp(min(over[order][np.argmax(beyond)], 700.0))) if beyond.any() else 0.0
 
 
@@ -320,8 +322,12 @@ def _needles(proposal: AnyProposal, z: Floats, width: Floats, met: Floats | None
         coordinates, u, back = PlainCoordinates(), z, np.ones(len(z), dtype=bool)
     u_met, _, back_met = coordinates.forward(met)
     sd = z.std(axis=0) / width
-    weak = np.where(sd > WEAK, np.clip(1.0 / np.maximum(sd, 1e-300), NEEDLE, LONGEST), NEEDLE)
-    inner = _stretched(u[back], np.full(d, NEEDLE), u_met[back_met])
+    weak = np.where(
+        sd > WEAK_CONTRACTION,
+        np.clip(1.0 / np.maximum(sd, 1e-300), STRETCH_FACTOR, MAX_STRETCH),
+        STRETCH_FACTOR,
+    )
+    inner = _stretched(u[back], np.full(d, STRETCH_FACTOR), u_met[back_met])
     return Proposal(coordinates, inner, _stretched(z, weak, met), share=0.5)
 
 
@@ -332,7 +338,7 @@ def _stretched(x: Floats, stretch: Floats, met: Floats) -> StudentMixture:
     covariance = (x - mean).T @ (x - mean) / count
     along = covariance / np.sqrt(np.maximum(np.diag(covariance), 1e-300))[:, None]
     grown = covariance + (stretch**2 - 1.0)[:, None, None] * along[:, :, None] * along[:, None, :]
-    about = np.repeat(KERNEL**2 * covariance[None], len(met), axis=0)
+    about = np.repeat(KERNEL_SDS**2 * covariance[None], len(met), axis=0)
     weight = np.full(d, 1.0 / d)
     if len(met):
         weight = np.concatenate([0.5 * weight, np.full(len(met), 0.5 / len(met))])

@@ -21,13 +21,13 @@ from scipy.special import logsumexp
 from sma_bayes.arrays import Floats
 from sma_bayes.sampling.density import Density
 from sma_bayes.sampling.proposals import AnyProposal, PlainCoordinates, Proposal, StudentMixture
-from sma_bayes.sampling.shape import DF
+from sma_bayes.sampling.shape import NARROW_DF
 
-GOOD_ERROR = 0.03
+SINGLE_COMPONENT_ERROR = 0.03
 """Standard error above which a proposal of several components is fitted instead of one."""
 COMPONENTS, ROUNDS = 6, 10
 """Of that proposal, and rounds of fitting it."""
-ITERATIONS = 200
+MAX_ITERATIONS = 200
 """Of the fixed point that is the evidence, at most."""
 
 
@@ -62,7 +62,7 @@ def bridge_evidence(density: Density, z: Floats, log_weight: Floats, rng: np.ran
     weight = _normalised(log_weight[fit])
     one = fitted_proposal(z[fit], weight, 1, rng)
     found = bridged(density, z[rest], _normalised(log_weight[rest]), one, rng)
-    if found.sd <= GOOD_ERROR:
+    if found.sd <= SINGLE_COMPONENT_ERROR:
         return found
     several = fitted_proposal(z[fit], weight, COMPONENTS, rng)
     other = bridged(density, z[rest], _normalised(log_weight[rest]), several, rng)
@@ -74,11 +74,11 @@ def fitted_proposal(z: Floats, weight: Floats, components: int, rng: np.random.G
     mean = weight @ z
     covariance = (z - mean).T @ ((z - mean) * weight[:, None])
     wide = StudentMixture.from_covariances(np.ones(1), mean[None], 4.0 * covariance[None], 4.0)
-    narrow = StudentMixture.from_covariances(np.ones(1), mean[None], covariance[None], DF)
+    narrow = StudentMixture.from_covariances(np.ones(1), mean[None], covariance[None], NARROW_DF)
     if components > 1:
         start = z[rng.choice(len(z), components, p=weight)]
         each = np.repeat(covariance[None] / components, components, axis=0)
-        narrow = StudentMixture.from_covariances(np.ones(components), start, each, DF)
+        narrow = StudentMixture.from_covariances(np.ones(components), start, each, NARROW_DF)
         narrow = narrow.refitted(z, weight, rounds=ROUNDS)
     return Proposal(PlainCoordinates(), narrow, wide)
 
@@ -99,7 +99,7 @@ def bridged(
     centre = float(np.median(log_old))
     own, other = effective / (effective + count), count / (effective + count)
     value = 0.0
-    for _ in range(ITERATIONS):
+    for _ in range(MAX_ITERATIONS):
         above = logsumexp(_ratio(log_new - centre, own, other, value)) - np.log(count)
         below = logsumexp(_inverse(log_old - centre, own, other, value), b=weight)
         step = float(above - below) - value

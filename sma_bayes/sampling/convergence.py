@@ -19,14 +19,14 @@ from scipy.special import ndtri
 
 from sma_bayes.arrays import Floats
 
-TAILS = (0.05, 0.95)
+TAIL_QUANTILES = (0.05, 0.95)
 """Quantiles whose effective sample sizes are those of the tails."""
-OUTER = (0.025, 0.975)
+PUBLISHED_QUANTILES = (0.025, 0.975)
 """Quantiles that are published as the ends of intervals."""
 NORMAL_ERROR = 3.5
 """Standard error [sd] of these, of a normal distribution, times the root of the number of draws: 2.7, and a third more
 for the greatest of some twenty estimates."""
-LONG = 100
+LEAST_SERIES_STEPS = 100
 """Steps from which the means over walkers are a series that an effective sample size can be taken of."""
 
 
@@ -54,7 +54,7 @@ class Target:
         return max(self.ess, (NORMAL_ERROR / self.quantile_error) ** 2)
 
 
-PUBLISHED = Target(quantile_error=0.06)
+PUBLISHED_TARGET = Target(quantile_error=0.06)
 """Target of a posterior whose 2.5 and 97.5 % quantiles are published. The greatest of some twenty estimated errors is a
 third above the true ones, so that 0.2 sd are four standard errors and more: met by chance in one of 300 records."""
 
@@ -94,8 +94,9 @@ def assess(draws: Floats, target: Target) -> Convergence:
     -------
     Convergence
         R-hat is taken both over halves in walkers and over halves in steps; the worse counts, so that neither
-        a stuck walker nor a drift of the whole ensemble goes unseen. From `LONG` steps on, effective sample sizes
-        are also estimated from the means over walkers, which sees walkers that move together; the lesser counts.
+        a stuck walker nor a drift of the whole ensemble goes unseen. From `LEAST_SERIES_STEPS` steps on, effective
+        sample sizes are also estimated from the means over walkers, which sees walkers that move together; the lesser
+        counts.
     """
     groups, steps, walkers, d = draws.shape
     values = np.moveaxis(draws, -1, 0).reshape(draws.shape[-1], -1)
@@ -107,7 +108,7 @@ def assess(draws: Floats, target: Target) -> Convergence:
         series = np.concatenate([scores[None], _in_tails(values)]).reshape(3, d, groups, steps, walkers)
         bulk, *tails = _ess(series.swapaxes(3, 4).reshape(3, d, groups, -1))
         tail = np.minimum(*tails)
-        if steps >= LONG:
+        if steps >= LEAST_SERIES_STEPS:
             means = series.mean(axis=4)
             gain = series.var(axis=(2, 3, 4)) / means.var(axis=(2, 3))
             of_bulk, *of_tails = _ess(means) * gain
@@ -128,8 +129,8 @@ def _scores(values: Floats) -> Floats:
 
 
 def _in_tails(values: Floats) -> Floats:
-    """Whether values (D, N) are at most each of the `TAILS`, shape (2, D, N); no numbers where a value is none."""
-    below = values <= np.quantile(values, TAILS, axis=1)[..., None]
+    """Whether values (D, N) are at most each of the `TAIL_QUANTILES`, shape (2, D, N); NaN where a value is."""
+    below = values <= np.quantile(values, TAIL_QUANTILES, axis=1)[..., None]
     return np.where(np.any(np.isnan(values), axis=1, keepdims=True), np.nan, below)
 
 
@@ -153,7 +154,7 @@ def _ess(chains: Floats) -> Floats:
 def _quantile_error(values: Floats, ess: Floats) -> Floats:
     """Standard error [sd] of the outer quantiles of values (D, N) with so many effective draws (D,)."""
     n = values.shape[1]
-    level = min(OUTER)
+    level = min(PUBLISHED_QUANTILES)
     inner, outer = 1.5 * level, 0.5 * level
     at = np.rint(np.array([outer, inner, 1.0 - inner, 1.0 - outer]) * (n - 1)).astype(np.int64)
     ends = np.partition(values, at, axis=1)[:, at]

@@ -33,8 +33,8 @@ from emcee.state import State
 
 from sma_bayes.arrays import Floats
 from sma_bayes.sampling.adaptation import (
-    GREATEST_SHARE,
-    USABLE,
+    GREATEST_WEIGHT,
+    USABLE_EFFICIENCY,
     Adapted,
     adapt,
     with_wide_share,
@@ -42,7 +42,7 @@ from sma_bayes.sampling.adaptation import (
 from sma_bayes.sampling.audit import Audit, Audited, audited, reaching_further
 from sma_bayes.sampling.bridge import Evidence, bridge_evidence
 from sma_bayes.sampling.checkpoint import Checkpoint, StepBlock
-from sma_bayes.sampling.convergence import PUBLISHED, Convergence, Target, assess
+from sma_bayes.sampling.convergence import PUBLISHED_TARGET, Convergence, Target, assess
 from sma_bayes.sampling.density import Density, Linearisable
 from sma_bayes.sampling.ensemble_sampler import EnsembleSampler
 from sma_bayes.sampling.laplace import Mode, distinct_modes, find_mode
@@ -80,13 +80,13 @@ class Plan:
         One of `SAMPLERS`.
     """
 
-    target: Target = PUBLISHED
+    target: Target = PUBLISHED_TARGET
     groups: int = 4
     walkers: int = 64
     block: int = 6
     explore_block: int = 250
     evaluations: int = 6_000_000
-    greatest_weight: float = GREATEST_SHARE
+    greatest_weight: float = GREATEST_WEIGHT
     sampler: Sampler = SAMPLERS["independence"]
 
     def __post_init__(self) -> None:
@@ -146,7 +146,7 @@ INDEPENDENCE, MENDED, REFITTED, MIXED = METHODS = (
 """Moves that made the draws, in the order in which they are tried: those of a first proposal, of one that an audit
 found wanting and that was mended, of one fitted to what differential evolution had found, and both together."""
 
-AHEAD = 16
+PREDRAWN_STEPS = 16
 """Steps of independence moves whose proposals are drawn and evaluated at once, where other moves are made between."""
 
 TRIES = ("independence", "wider")
@@ -155,11 +155,11 @@ WIDENINGS, WIDE_ENOUGH = 6, 0.5
 """How often, at most, a posterior's proposal is made to reach further before the second try, and the efficiency at
 which it reaches far enough."""
 
-MENDINGS = 3
+MAX_MENDINGS = 3
 """How often a proposal that does not pass its audit is mended."""
-BRIDGED, FEWEST = 8000, 500
+MAX_BRIDGE_DRAWS, LEAST_BRIDGE_DRAWS = 8000, 500
 """Draws, at most and at least, from which the evidence is bridged."""
-EXPLORED_BLOCKS = 4
+MAX_EXPLORATION_BLOCKS = 4
 """Blocks of steps that explore, at most."""
 EXPLORED_RHAT = 1.05
 """R-hat at which walkers have explored."""
@@ -172,10 +172,10 @@ reached it, with standard deviations a fifth too small. What can be linearised n
 fitted: in its own coordinates it is hardly bent, an audit looks beyond, and where that is not passed it is explored
 further."""
 
-LONGEST = 384
+MAX_INDEPENDENCE_STEPS = 384
 """Steps of independence moves, at most. Of skewed parameters the outer quantiles take some thirty thousand draws, which
 other moves would take a hundred times as long to make."""
-LONGER, LONGER_MENDED = 1.5, 3.0
+MAX_EXTENSION, MAX_EXTENSION_MENDED = 1.5, 3.0
 """How many times as long a run may become for the sake of its audit, before its proposal is mended instead: one that
 was mended already is hardly made better by mending it again."""
 DRAWS_PER_EFFECTIVE = 1.37
@@ -183,12 +183,12 @@ DRAWS_PER_EFFECTIVE = 1.37
 some thirty effective sample sizes is an estimate, and the least of them decides."""
 SPARE_DRAWS = 1.15
 """What is asked for beyond the effective draws that lack, whose number is itself an estimate."""
-MOST_BLOCKS = 3
+MAX_BLOCKS = 3
 """Blocks at once, at most."""
 LEAST_STEPS = 4
 """Steps at least of a further block of independence moves: of few proposals a walker has little to choose from."""
 
-LOOK_AGAIN = 1.2
+ASSESSMENT_GROWTH = 1.2
 """By how much a chain must have grown to be assessed again: assessing then costs in proportion to its length."""
 
 Progress = Callable[[str], None]
@@ -231,10 +231,10 @@ def sample(
 def _steps_hoped(efficiency: float, chains: int, plan: Plan) -> int:
     """Steps with which a block should reach the target, where so large a share of the proposals count.
 
-    `MOST_BLOCKS` times the least number at most: what is lost with a run that is killed is the block that it is at.
+    `MAX_BLOCKS` times the least number at most: what is lost with a run that is killed is the block that it is at.
     """
     hoped = math.ceil(DRAWS_PER_EFFECTIVE * plan.target.draws / (chains * efficiency))
-    return min(MOST_BLOCKS * plan.block, max(plan.block, hoped))
+    return min(MAX_BLOCKS * plan.block, max(plan.block, hoped))
 
 
 def _steps_lacking(convergence: Convergence, length: int, plan: Plan) -> int:
@@ -363,7 +363,9 @@ class _Run:
         draws = self._independence(name, adapted, modes, seed, method)
         if not isinstance(draws, Audited):
             return draws
-        for again, (mend_seed, run_seed) in enumerate((s.spawn(2) for s in seed.spawn(MENDINGS)), start=1):
+        for again, (mend_seed, run_seed) in enumerate(
+            (s.spawn(2) for s in seed.spawn(MAX_MENDINGS)), start=1
+        ):
             self.tell("improving a proposal that failed its audit")
             adapted = draws.mended(self.density, adapted.proposal, np.random.default_rng(mend_seed))
             self.evaluations += adapted.evaluations
@@ -371,7 +373,7 @@ class _Run:
                 return None
             method = method if name not in TRIES else MENDED
             draws = self._independence(
-                f"{name}-mended-{again}", adapted, modes, run_seed, method, longest=LONGER_MENDED
+                f"{name}-mended-{again}", adapted, modes, run_seed, method, longest=MAX_EXTENSION_MENDED
             )
             if not isinstance(draws, Audited):
                 return draws
@@ -384,7 +386,7 @@ class _Run:
         modes: tuple[Mode, ...],
         seed: np.random.SeedSequence,
         method: str,
-        longest: float = LONGER,
+        longest: float = MAX_EXTENSION,
     ) -> Draws | Audited | None:
         """Independence moves alone; their audit if they don't pass it, None if they don't get so far.
 
@@ -399,12 +401,12 @@ class _Run:
         let_pass = plan.greatest_weight
         asked, reached = 0, 0  # steps that an audit asks for, and after which the target was first reached
         # a great weight, or few that count, call for an audit at once; after one that is passed they go on
-        while group.length < max(LONGEST, asked) and not (group.length and self.spent):
+        while group.length < max(MAX_INDEPENDENCE_STEPS, asked) and not (group.length and self.spent):
             self.tell(f"independence moves, from step {group.length + 1}")
             group.advance(more)
             weights = Weights(group.log_weight)
             convergence = assess(group.chains, plan.target)
-            doubtful = weights.greatest > let_pass or weights.efficiency < USABLE
+            doubtful = weights.greatest > let_pass or weights.efficiency < USABLE_EFFICIENCY
             if group.length >= asked and (convergence.converged or doubtful):
                 if convergence.converged:
                     reached = reached or group.length
@@ -462,9 +464,9 @@ class _Run:
         ]
         times = SEEN_TIMES if isinstance(self.density, Linearisable) else EXPLORED_TIMES
         enough = Target(EXPLORED_RHAT, times * plan.groups * self.walkers)
-        tries = explore_seeds[0][2].spawn(EXPLORED_BLOCKS)
+        tries = explore_seeds[0][2].spawn(MAX_EXPLORATION_BLOCKS)
         fits: list[Adapted] = []
-        for block in range(1, EXPLORED_BLOCKS + 1):
+        for block in range(1, MAX_EXPLORATION_BLOCKS + 1):
             self.tell(f"exploring with differential evolution, block {block}")
             for group in groups:
                 group.advance()
@@ -473,7 +475,7 @@ class _Run:
             if self.spent:
                 break
             explored = assess(np.concatenate([g.chains[:, half:] for g in groups]), enough).converged
-            if not explored and block < EXPLORED_BLOCKS:
+            if not explored and block < MAX_EXPLORATION_BLOCKS:
                 continue
             fitted = adapt_to_draws(self.density, z, modes, rng)
             self.evaluations += fitted.evaluations
@@ -526,7 +528,7 @@ class _Run:
                 group.advance()
             if block < look and not self.spent:
                 continue
-            look = math.ceil(LOOK_AGAIN * block)
+            look = math.ceil(ASSESSMENT_GROWTH * block)
             burn = groups[0].length // 4
             ess = max(plan.target.ess, MIXED_TIMES * plan.groups * self.walkers)
             target = replace(plan.target, ess=ess)
@@ -534,7 +536,13 @@ class _Run:
             if convergence.converged or self.spent:
                 z = np.concatenate([g.chains[:, burn:] for g in groups]).reshape(-1, self.width.size)
                 # of draws that hang together so many count as the least effective sample size says
-                count = int(np.clip(np.nan_to_num(convergence.ess_bulk.min()), min(len(z), FEWEST), BRIDGED))
+                count = int(
+                    np.clip(
+                        np.nan_to_num(convergence.ess_bulk.min()),
+                        min(len(z), LEAST_BRIDGE_DRAWS),
+                        MAX_BRIDGE_DRAWS,
+                    )
+                )
                 few = z[np.linspace(0, len(z) - 1, min(len(z), count)).astype(int)]
                 evidence = bridge_evidence(self.density, few, np.zeros(len(few)), rng)
                 return self._draws(groups, burn, convergence, modes, method, evidence)
@@ -597,7 +605,7 @@ class _Ensemble:
             self.move = MultipleProposalMove(adapted.proposal, steps)
             chosen: list[tuple[Move, float]] = [(self.move, 1.0)]
         else:
-            self.move = IndependenceMove(adapted.proposal, AHEAD)
+            self.move = IndependenceMove(adapted.proposal, PREDRAWN_STEPS)
             chosen = [(move, share * (1.0 - independence)) for move, share in moves]
             if independence > 0.0:
                 chosen.append((self.move, independence))

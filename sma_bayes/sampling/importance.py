@@ -25,18 +25,18 @@ from sma_bayes.sampling.adaptation import adapt, first_proposal
 from sma_bayes.sampling.bridge import Evidence, fitted_proposal
 from sma_bayes.sampling.density import Density, linearised_at
 from sma_bayes.sampling.laplace import Mode, distinct_modes, find_mode
-from sma_bayes.sampling.pareto import RELIABLE, smoothed_weights
+from sma_bayes.sampling.pareto import MAX_RELIABLE_K, smoothed_weights
 from sma_bayes.sampling.proposals import DrawSource
 from sma_bayes.sampling.weighted import ImportanceSample, Weights, tempered
 
 DRAWS: Final = 4000
 """Importance draws of a proposal."""
-ENOUGH: Final = 200.0
+ENOUGH_EFFECTIVE_DRAWS: Final = 200.0
 """Effective draws that a posterior needs."""
 COMPONENTS, ROUNDS, POPULATION, RESAMPLED = 12, 5, 8000, 2000
 """Of the mixtures that are fitted to draws: components, how often they are fitted, draws each time, and how many of
 them they are fitted to."""
-MOST_MODES: Final = 3
+MAX_MODES: Final = 3
 """Modes that a proposal is fitted to."""
 
 
@@ -105,7 +105,7 @@ def importance_draws(
         if found.converged:
             return found
     found_modes = (find_mode(density, start, width) for start in starts)
-    modes = distinct_modes([m for m in found_modes if m is not None])[:MOST_MODES]
+    modes = distinct_modes([m for m in found_modes if m is not None])[:MAX_MODES]
     own = adapt(density, modes, np.random.default_rng(adapt_seed)).proposal
     found = drawn(density, own, modes, rng, DRAWS)
     return found if found.converged else _population(density, own, modes, rng, found)
@@ -124,7 +124,7 @@ def few_draws(
         See `importance_draws`, whose draws are given where those of the first proposal can't be relied on.
     seed : numpy.random.SeedSequence
     size : int
-        At least twice `ENOUGH`.
+        At least twice `ENOUGH_EFFECTIVE_DRAWS`.
     """
     first_seed, thorough_seed = seed.spawn(2)
     rng = np.random.default_rng(first_seed)
@@ -176,7 +176,7 @@ def drawn(
             z[:1], np.zeros(1), evidence, np.inf, "importance", False, proposal, tuple(modes)
         )
     smooth, k = smoothed_weights(log_weight[kept, None])
-    reliable = bool(k[0] <= RELIABLE and weights.efficiency * size >= ENOUGH)
+    reliable = bool(k[0] <= MAX_RELIABLE_K and weights.efficiency * size >= ENOUGH_EFFECTIVE_DRAWS)
     return WeightedDraws(
         z[kept], smooth[:, 0], evidence, float(k[0]), "importance", reliable, proposal, tuple(modes)
     )

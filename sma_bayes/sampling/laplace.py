@@ -16,16 +16,16 @@ import numpy as np
 from sma_bayes.arrays import Floats, Ints
 from sma_bayes.sampling.density import Density, Linearised, linearised_at
 
-NEAR = 0.1
+DIFFERENCE_STEP = 0.1
 """Steps of differences, in standard deviations along the axes of the covariance found so far."""
-LEAST, MOST = 1e-5, 3.0
+LEAST_SD, GREATEST_SD = 1e-5, 3.0
 """Least and greatest standard deviation along any direction, in widths."""
-LEFT = 5e-3
+CLIMB_TOLERANCE = 5e-3
 """Of the log density that a climb may leave: what the last step had promised, or what it did not keep."""
-ALIKE, SAME = 0.5, 0.05
+SD_TOLERANCE, GAIN_SD_TOLERANCE = 0.5, 0.05
 """Relative change of standard deviations from step to step with which a climb may end, and with which what a step gains
 against its promise tells how much is left. On a bend the two may agree by chance."""
-LOWER = 20.0
+NEGLIGIBLE_LOG_MASS = 20.0
 """A mode whose mass is lower than that of the best one by this power of e is left out."""
 
 
@@ -58,7 +58,7 @@ def distinct_modes(modes: Sequence[Mode]) -> tuple[Mode, ...]:
     kept: list[Mode] = []
     for mode in sorted(modes, key=lambda m: m.mass, reverse=True):
         apart = (np.linalg.solve(m.covariance, mode.z - m.z) @ (mode.z - m.z) for m in kept)
-        if not kept or (mode.mass > kept[0].mass - LOWER and all(d > 1.0 for d in apart)):
+        if not kept or (mode.mass > kept[0].mass - NEGLIGIBLE_LOG_MASS and all(d > 1.0 for d in apart)):
             kept.append(mode)
     return tuple(kept)
 
@@ -87,10 +87,10 @@ def find_mode(density: Density, start: Floats, width: Floats, *, steps: int = 40
     before, along = _spread(covariance, width)
     for _ in range(steps):
         axes = along * np.minimum(before, 1.0)
-        value, gradient, curvature, count = _differences(density, z, NEAR * axes)
+        value, gradient, curvature, count = _differences(density, z, DIFFERENCE_STEP * axes)
         if not np.isfinite(value):  # at the start: no step goes where the density is zero
             return None
-        gradient, curvature = gradient / NEAR, curvature / NEAR**2
+        gradient, curvature = gradient / DIFFERENCE_STEP, curvature / DIFFERENCE_STEP**2
         root = axes @ _inverse_root(curvature)
         spread, along = _spread(root @ root.T, width)
         root = along * spread
@@ -107,8 +107,8 @@ def find_mode(density: Density, start: Floats, width: Floats, *, steps: int = 40
         with np.errstate(over="ignore"):  # of a density that is all but a step there is no end of promises
             promised = 0.5 * float(slope @ slope)
         changed = float(np.max(np.abs(spread / before - 1.0)))
-        left = abs(promised - gain) if changed < SAME else promised
-        if changed < ALIKE and left < LEFT:
+        left = abs(promised - gain) if changed < GAIN_SD_TOLERANCE else promised
+        if changed < SD_TOLERANCE and left < CLIMB_TOLERANCE:
             break
         before = spread
     return Mode(z, value, 0.5 * (covariance + covariance.T), evaluations)
@@ -128,7 +128,7 @@ def _covariance(linearised: Linearised, width: Floats) -> Floats:
 def _spread(covariance: Floats, width: Floats) -> tuple[Floats, Floats]:
     """Standard deviations in widths along the axes of a covariance, within their bounds, and the axes (columns)."""
     scaled, vector = np.linalg.eigh(covariance / np.outer(width, width))
-    return np.sqrt(np.clip(scaled, LEAST**2, MOST**2)), width[:, None] * vector
+    return np.sqrt(np.clip(scaled, LEAST_SD**2, GREATEST_SD**2)), width[:, None] * vector
 
 
 def _inverse_root(curvature: Floats) -> Floats:

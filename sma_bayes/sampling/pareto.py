@@ -20,9 +20,9 @@ from scipy.special import logsumexp
 
 from sma_bayes.arrays import Floats
 
-RELIABLE = 0.7
+MAX_RELIABLE_K = 0.7
 """Greatest k at which smoothed weights are used."""
-FEWEST = 5
+LEAST_TAIL_WEIGHTS = 5
 """Weights that a tail must have."""
 
 
@@ -45,7 +45,7 @@ def smoothed_weights(log_ratio: Floats) -> tuple[Floats, Floats]:
     size, n = log_ratio.shape
     log_weight = log_ratio - log_ratio.max(axis=0)
     tail = int(min(np.ceil(0.2 * size), np.ceil(3.0 * np.sqrt(size))))
-    if tail < FEWEST:
+    if tail < LEAST_TAIL_WEIGHTS:
         return log_weight - logsumexp(log_weight, axis=0), np.full(n, np.inf)
     order = np.argsort(log_weight, axis=0, kind="stable")[-tail - 1 :]
     largest = np.take_along_axis(log_weight, order, axis=0)

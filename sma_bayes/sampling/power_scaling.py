@@ -25,7 +25,7 @@ THRESHOLD: Final = 0.05
 moves the mean of a normal distribution by about 0.3 standard deviations; told by 2000 draws, by 0.24."""
 POWERS: Final = (0.99, 1.01)
 """Between which the gradient is taken."""
-FEWEST: Final = 20
+LEAST_DRAWS: Final = 20
 """Draws below which no sensitivity is told."""
 
 
@@ -42,7 +42,7 @@ def power_sensitivity(values: Floats, log_density: Floats) -> Floats:
     Returns
     -------
     ndarray, shape (q,)
-        [1]; zero where the factor, or the quantity, is the same in all draws, NaN with fewer than `FEWEST` draws.
+        [1]; zero where the factor, or the quantity, is the same in all draws, NaN with fewer than `LEAST_DRAWS` draws.
     """
     out = np.full(values.shape[1], np.nan)
     finite = np.isfinite(values)
@@ -57,7 +57,7 @@ def power_sensitivity(values: Floats, log_density: Floats) -> Floats:
 
 def _sensitivity(values: Floats, log_density: Floats) -> Floats:
     size, count = values.shape
-    if size < FEWEST:
+    if size < LEAST_DRAWS:
         return np.full(count, np.nan)
     varies = np.ptp(values, axis=0) > 0.0
     out = np.zeros(count)

@@ -8,11 +8,11 @@ from dataclasses import replace
 import numpy as np
 
 from sma_bayes.arrays import Floats
-from sma_bayes.sampling.adaptation import DRAWS, Adapted, weigh
+from sma_bayes.sampling.adaptation import ROUND_DRAWS, Adapted, weigh
 from sma_bayes.sampling.density import Density, linearised_at, shape_of
 from sma_bayes.sampling.laplace import Mode
 from sma_bayes.sampling.proposals import Mixture, Proposal, StudentMixture
-from sma_bayes.sampling.shape import DF, NormalShape
+from sma_bayes.sampling.shape import NARROW_DF, NormalShape
 from sma_bayes.sampling.weighted import Weights, tempered
 
 REFIT_ROUNDS = 3
@@ -41,7 +41,7 @@ def adapt_to_draws(density: Density, z: Floats, modes: Sequence[Mode], rng: np.r
         u, _, back = shape.coordinates.forward(fit)
         for components in (1, 4, 12, 32):
             proposal = Proposal(shape.coordinates, _fitted_mixture(shape, u[back], components, rng), wide)
-            yield Adapted(proposal, weigh(density, proposal, rng, 4 * DRAWS), 4 * DRAWS).judged(
+            yield Adapted(proposal, weigh(density, proposal, rng, 4 * ROUND_DRAWS), 4 * ROUND_DRAWS).judged(
                 rest, log_prob
             )
 
@@ -75,21 +75,21 @@ def _reaching_out(density: Density, first: Adapted, z: Floats, rng: np.random.Ge
         return first
     proposal = first.proposal
     for _ in range(REFIT_ROUNDS):
-        own = weigh(density, proposal, rng, 32 * DRAWS)
+        own = weigh(density, proposal, rng, 32 * ROUND_DRAWS)
         usable = np.isfinite(own.weights.log_weight)
         weight = 0.5 * tempered(Weights(own.weights.log_weight[usable]))
         u, _, back = proposal.coordinates.forward(np.concatenate([z, own.z[usable]]))
         both = np.concatenate([np.full(len(z), 0.5 / len(z)), weight])[back]
         narrow = proposal.narrow.refitted(u[back], both / both.sum(), rounds=6)
         proposal = replace(proposal, narrow=narrow)
-    last = weigh(density, proposal, rng, 4 * DRAWS)
-    return Adapted(proposal, last, REFIT_ROUNDS * 32 * DRAWS + 4 * DRAWS)
+    last = weigh(density, proposal, rng, 4 * ROUND_DRAWS)
+    return Adapted(proposal, last, REFIT_ROUNDS * 32 * ROUND_DRAWS + 4 * ROUND_DRAWS)
 
 
 def _fitted_mixture(shape: NormalShape, u: Floats, components: int, rng: np.random.Generator) -> Mixture:
     """Mixture fitted to draws (N, D) in the coordinates of a shape, of several components for what is bent."""
     bent = shape.blocks()[-1]
     bend = np.cov(u[:, bent].T).reshape(bent.size, bent.size)
-    start = StudentMixture.about(u[:, bent], components, bend / components, DF, rng)
+    start = StudentMixture.about(u[:, bent], components, bend / components, NARROW_DF, rng)
     weight = np.full(len(u), 1.0 / len(u))
     return shape.mixture(u.mean(axis=0), [start]).refitted(u, weight, rounds=40)

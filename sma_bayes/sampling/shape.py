@@ -10,7 +10,7 @@ import numpy as np
 from sma_bayes.arrays import Floats, Ints
 from sma_bayes.sampling.proposals import Coordinates, FactorisedMixture, PlainCoordinates, StudentMixture
 
-DF = 10.0
+NARROW_DF = 10.0
 """Degrees of freedom of the narrow components."""
 
 
@@ -53,7 +53,7 @@ class NormalShape:
 
 def one_component(centre: Floats, covariance: Floats) -> StudentMixture:
     """Student t with a centre (D,) and a covariance (D, D)."""
-    return StudentMixture.from_covariances(np.ones(1), centre[None], covariance[None], DF)
+    return StudentMixture.from_covariances(np.ones(1), centre[None], covariance[None], NARROW_DF)
 
 
 def spread(mixture: StudentMixture, rng: np.random.Generator, count: int) -> StudentMixture:

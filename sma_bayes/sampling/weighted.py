@@ -14,7 +14,7 @@ import numpy as np
 
 from sma_bayes.arrays import Floats, Ints
 
-LEAST = 0.1
+LEAST_EFFICIENCY = 0.1
 """Least efficiency of weights that a fit takes as they are; below, they are tempered."""
 
 
@@ -104,11 +104,11 @@ class ImportanceSample:
 def tempered(weights: Weights) -> Floats:
     """Weights raised to the greatest power that leaves the least share of the draws in effect."""
     low, high = 0.0, 1.0
-    if weights.efficiency >= LEAST:
+    if weights.efficiency >= LEAST_EFFICIENCY:
         return weights.normalised
     for _ in range(20):
         middle = 0.5 * (low + high)
-        if Weights(middle * weights.log_weight).efficiency >= LEAST:
+        if Weights(middle * weights.log_weight).efficiency >= LEAST_EFFICIENCY:
             low = middle
         else:
             high = middle

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 
-from sma_bayes.disk import MARGIN
+from sma_bayes.disk import FREE_BYTES
 
 Run = Callable[..., Any]
 
@@ -135,7 +135,7 @@ def mounted(tmp_path: Path) -> Iterator[Callable[[str], Path]]:
         subprocess.run(["umount", str(where)], check=True)
 
 
-@pytest.mark.parametrize("kilobytes", [100, 300, MARGIN // 1000 + 200, MARGIN // 1000 + 1500])
+@pytest.mark.parametrize("kilobytes", [100, 300, FREE_BYTES // 1000 + 200, FREE_BYTES // 1000 + 1500])
 def test_a_full_disk(
     run: Run, measured: Path, mounted: Callable[..., Path], tmp_path: Path, kilobytes: int
 ) -> None:

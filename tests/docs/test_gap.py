@@ -16,14 +16,14 @@ from sma_bayes.studies.gap import name, study
 
 DOCS = Path(__file__).resolve().parents[2] / "docs"
 THRESHOLDS = {
-    "p_value": study.SIGNIFICANT,
-    "ln_bayes_factor": study.WORTH,
-    "ln_bayes_factor_apart": study.APART,
-    "unexplained_share": pytest.approx(1.0 - study.CARRIED),
-    "share_beside": name.CARRIED_BESIDE,
-    "share_beyond_shape": name.BEYOND,
-    "ln_bayes_factor_shape": study.MISSHAPEN,
-    "further_share": study.FURTHER,
+    "p_value": study.SIGNIFICANT_P,
+    "ln_bayes_factor": study.LEAST_LN_BAYES_FACTOR,
+    "ln_bayes_factor_apart": study.LN_BAYES_FACTOR_TOLD_APART,
+    "unexplained_share": pytest.approx(1.0 - study.LEAST_SHARE_CARRIED),
+    "share_beside": name.LEAST_SHARE_BESIDE_FLEXIBLE,
+    "share_beyond_shape": name.LEAST_SHARE_BEYOND_SHAPE,
+    "ln_bayes_factor_shape": study.MISFIT_LN_BAYES_FACTOR,
+    "further_share": study.LEAST_FURTHER_SHARE,
 }
 
 

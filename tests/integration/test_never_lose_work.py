@@ -111,7 +111,7 @@ def test_a_half_written_file_and_a_spoilt_checkpoint_do_no_harm(
     data: Path, whole: Path, assert_same_run: Same, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     out = data / "spoilt"
-    monkeypatch.setattr("sma_bayes.studies.fit.chains.COSTLY", 0)  # chains stay
+    monkeypatch.setattr("sma_bayes.studies.fit.chains.COSTLY_EVALUATIONS", 0)  # chains stay
     fit_campaign(read_campaign(data), out, jobs=1, figures=False)
     (out / "posterior" / ".unfinished-abc.nc").write_bytes(b"half")
     (chain,) = (out / "checkpoints").glob("light-heating-*.h5")

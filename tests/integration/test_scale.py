@@ -45,7 +45,7 @@ def whole(house: Path) -> Path:
 @pytest.fixture
 def by_condition(monkeypatch: pytest.MonkeyPatch) -> None:
     """Make a task of each condition, as for a campaign of many."""
-    monkeypatch.setattr(fit_tasks, "WHOLE_CONDITIONS", 1)
+    monkeypatch.setattr(fit_tasks, "CONDITION_TASKS_FROM", 1)
 
 
 @pytest.mark.usefixtures("by_condition")

@@ -9,7 +9,7 @@ import pytest
 
 from sma_bayes import fit
 from sma_bayes.records.campaign import read_campaign
-from sma_bayes.report.screen import SIMPLER
+from sma_bayes.report.screen import SIMPLER_NOISE_MODELS
 
 EXAMPLES = Path(__file__).resolve().parents[2] / "docs" / "examples"
 
@@ -27,6 +27,6 @@ def test_a_simpler_noise_converges_and_does_not_pass_for_adequate(
 ) -> None:
     campaign = read_campaign(EXAMPLES / f"{example}.toml", data_dir=shared_data / example)
     found = fit(replace(campaign, records=(campaign.record(record),)), noise=noise, jobs=1)[record]
-    assert noise in SIMPLER
+    assert noise in SIMPLER_NOISE_MODELS
     assert found.converged
     assert not found.summarised.adequate

@@ -31,7 +31,7 @@ from sma_bayes.runs.netcdf import Variable, VariableGroup, axes, write_groups
 from sma_bayes.runs.outputs import posterior_of, posterior_path, read_columns
 from sma_bayes.studies.ask.workflow import asked_temperature
 from sma_bayes.studies.condition_text import condition_at
-from sma_bayes.studies.conditions.population import SCATTER
+from sma_bayes.studies.conditions.population import PRIOR_MEDIAN_SCATTER
 from sma_bayes.studies.plan.asked import parse_asked
 from sma_bayes.studies.plan.candidates import Setting, declared
 from sma_bayes.studies.run.study_file import read_study
@@ -282,7 +282,7 @@ READERS: dict[str, tuple[Callable[[Path, bytes], None], Callable[[Path], bytes]]
     "table": (columns, text("a,b\n1,true\n2.5,\n")),
     "unit": (unit, text("N*m**2/(mm)**2")),
     "value": (value, text("130 N/m")),
-    "setting": (setting, text(f"current_A=2.2,load_g={SCATTER}")),
+    "setting": (setting, text(f"current_A=2.2,load_g={PRIOR_MEDIAN_SCATTER}")),
 }  # fmt: skip
 
 

@@ -27,7 +27,7 @@ from sma_bayes.studies.conditions.coordinates import CurveCoordinates
 from sma_bayes.studies.conditions.design import Design, designs
 from sma_bayes.studies.conditions.population import Population, population_of
 from sma_bayes.studies.conditions.prediction import predict
-from sma_bayes.studies.conditions.scatter import COMMON, OWN
+from sma_bayes.studies.conditions.scatter import COMMON_LN_SD, OWN_LN_SD
 
 CENTRE = np.array([np.log(0.02), np.log(0.30), 50.0, 0.001])
 WIDTH = np.array([0.3, 0.3, 4.0, 0.004])
@@ -73,7 +73,9 @@ def campaign(loads: Floats, rng: np.random.Generator) -> tuple[Design, Floats, F
     """Design, level and slope (2, 4), scatter (4,) and coordinates (C, 4), drawn from the priors of the model."""
     (design,) = designs([Condition(f"c{i}", load=float(w)) for i, w in enumerate(loads)])
     coefficients = np.array([CENTRE, np.zeros(4)]) + WIDTH * rng.standard_normal((2, 4))
-    tau = scales() * SCATTER * np.exp(COMMON * rng.standard_normal() + OWN * rng.standard_normal(4))
+    tau = (
+        scales() * SCATTER * np.exp(COMMON_LN_SD * rng.standard_normal() + OWN_LN_SD * rng.standard_normal(4))
+    )
     phi = design.matrix @ coefficients + tau * rng.standard_normal((len(loads), 4))
     return design, coefficients, tau, phi
 
@@ -99,7 +101,9 @@ def of(population: Population) -> Floats:
 def joint_run(design: Design, records: list[RecordDraws], rng: np.random.Generator, steps: int) -> Floats:
     """The same by emcee on level, slopes, scatter and the curves of all conditions at once, shape (N, 12)."""
     count = len(records)
-    prior = multivariate_normal(np.log(SCATTER * scales()), COMMON**2 * np.ones((4, 4)) + OWN**2 * np.eye(4))
+    prior = multivariate_normal(
+        np.log(SCATTER * scales()), COMMON_LN_SD**2 * np.ones((4, 4)) + OWN_LN_SD**2 * np.eye(4)
+    )
     start_of_level = np.array([CENTRE, np.zeros(4)])
 
     def log_prob(x: Floats) -> Floats:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sma_bayes.records.types import Branch
-from sma_bayes.studies.cycles.laws import PACES, LawPosterior, Series
+from sma_bayes.studies.cycles.laws import N0_GRID, LawPosterior, Series
 from sma_bayes.studies.cycles.study import changes, pool, probability_stable, quantities
 from sma_bayes.studies.cycles.sweeps import NUMBERS, PRIOR_SD, USUAL_SCATTER, fit_strand, sweeps_of
 
@@ -244,8 +244,8 @@ def test_a_simulated_hundred(training_spring: ModuleType) -> None:
         strands.append(fit_strand(sweeps, CHANNEL, number, "modified_sigmoid", 0))
     pooled = pool(strands, 10, 0, 1000)
     assert pooled.posterior.chosen == "exponential"
-    found_pace = PACES[int(pooled.posterior.pace_weights("exponential").argmax())]
-    assert abs(np.log(found_pace / pace)) < np.log(PACES[1] / PACES[0])
+    found_pace = N0_GRID[int(pooled.posterior.pace_weights("exponential").argmax())]
+    assert abs(np.log(found_pace / pace)) < np.log(N0_GRID[1] / N0_GRID[0])
     true = 1 + int(np.flatnonzero(true_changes(training_spring, truth) > 0.02).max() + 1)
     said = 1 + int(np.flatnonzero(probability_stable(changes(pooled), 0.02) >= PROBABILITY)[0])
     assert true <= said <= true + 8

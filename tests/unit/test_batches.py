@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sma_bayes.batches import FEWEST, batches
+from sma_bayes.batches import LEAST_ROWS, batches
 
 
 @pytest.mark.parametrize(
@@ -16,5 +16,5 @@ def test_every_row_is_in_one_part(rows: int, width: int, most: int) -> None:
     found = [i for part in parts for i in np.arange(rows)[part].tolist()]
     assert found == list(range(rows))
     sizes = [part.stop - part.start for part in parts]
-    assert all(size <= FEWEST or size * width <= most for size in sizes)
-    assert all(size >= FEWEST for size in sizes[:-1])
+    assert all(size <= LEAST_ROWS or size * width <= most for size in sizes)
+    assert all(size >= LEAST_ROWS for size in sizes[:-1])

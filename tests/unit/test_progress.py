@@ -13,7 +13,7 @@ from sma_bayes.progress import (
     LINE_S,
     Bar,
     LogLines,
-    StepOf,
+    StepProgress,
     announce,
     lines_about,
     lines_inside,
@@ -133,7 +133,7 @@ def test_what_a_long_run_takes_is_told_before_it(clock: Callable[[float], None])
 def test_a_step_of_a_study_says_what_it_takes_as_the_verb_alone_does(clock: Callable[[float], None]) -> None:
     out = io.StringIO()
     lines = LogLines(5.0, False, out)
-    step = StepOf(lines, "fit")
+    step = StepProgress(lines, "fit")
     announce(step, 600.0, "8 records")
     clock(6.0)
     step(1, 8, "fitted 100g")
@@ -141,9 +141,9 @@ def test_a_step_of_a_study_says_what_it_takes_as_the_verb_alone_does(clock: Call
         "[0 s] fit: 8 records: about 10 min, give or take a factor of three\n[6 s] 1 of 8: fit: fitted 100g\n"
     )
     assert lines_inside(step) == 5.0
-    assert lines_inside(StepOf(silent, "fit")) is None
+    assert lines_inside(StepProgress(silent, "fit")) is None
     told: list[str] = []
-    announce(StepOf(Bar(silent, told.append), "fit"), 600.0, "8 records")
+    announce(StepProgress(Bar(silent, told.append), "fit"), 600.0, "8 records")
     assert told == ["fit: 8 records: about 10 min, give or take a factor of three"]
 
 

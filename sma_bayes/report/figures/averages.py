@@ -13,11 +13,11 @@ from sma_bayes.report.content import PAPER_CORRELATION, AverageFactor, Estimate
 from sma_bayes.report.figures.sheet import INK, as_columns
 from sma_bayes.report.notation import unit_label
 
-NEAREST: Final = 1e-9
+LEAST_DISTANCE_FROM_ONE: Final = 1e-9
 """How near to 1 a correlation is drawn at most."""
 TICKS: Final = (-1.0, 0.0, 0.5, 0.9, 0.95, 0.99, 0.999, 0.9999, 0.99999, 0.999999)
 
-LETTER: Final = 0.06
+DIGIT_WIDTH: Final = 0.06
 """Width of a digit of a label [inch]."""
 
 
@@ -45,14 +45,14 @@ def correlation_axis(ax: Axes, marks: Sequence[Mark], *, beside_paper: bool = Tr
         e = m.estimate
         if e.median is None or e.q05 is None or e.q95 is None:
             continue
-        low, mid, high = (max(1.0 - v, NEAREST) for v in (e.q05, e.median, e.q95))
+        low, mid, high = (max(1.0 - v, LEAST_DISTANCE_FROM_ONE) for v in (e.q05, e.median, e.q95))
         ax.plot([low, high], [m.place] * 2, color=m.colour, lw=1.3, solid_capstyle="butt")
         face = "white" if m.hollow else m.colour
         ax.plot([mid], [m.place], marker="o", ms=3.6, mfc=face, mec=m.colour, mew=0.9, ls="none")
         seen += [e.q05, e.q95]
     if beside_paper:
         ax.axvline(1.0 - PAPER_CORRELATION, color=INK, lw=0.8, ls="--", zorder=0)
-    far, near = max(1.0 - v for v in seen), max(min(1.0 - v for v in seen), NEAREST)
+    far, near = max(1.0 - v for v in seen), max(min(1.0 - v for v in seen), LEAST_DISTANCE_FROM_ONE)
     ax.set_xscale("log")
     ax.set_xlim(far * 1.6, near / 1.6)
     per_decade = ax.bbox.width / ax.figure.dpi / math.log10(2.56 * far / near)
@@ -79,7 +79,7 @@ def apart(ticks: Sequence[float], per_decade: float) -> list[float]:
 
 def room(*ticks: float) -> float:
     """Distance of two neighbouring labels at least [inch]."""
-    return LETTER * (1.0 + sum(len(f"{t:.10g}") for t in ticks) / 2.0)
+    return DIGIT_WIDTH * (1.0 + sum(len(f"{t:.10g}") for t in ticks) / 2.0)
 
 
 def average_columns(averages: Sequence[AverageFactor]) -> Mapping[str, Any]:

@@ -40,7 +40,7 @@ COLOURS: Final = {"heating": "#c8501e", "cooling": "#1f6fb2"}
 INK, FAINT, WARNING, PRIOR = "#222222", "#9a9a9a", "#a40000", "#6a3d9a"
 
 
-MANY: Final = 600
+RASTER_ABOVE_POINTS: Final = 600
 """Points from which a scatter is drawn as pixels in PDF too."""
 
 

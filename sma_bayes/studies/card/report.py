@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from sma_bayes.report.assembly import assemble
-from sma_bayes.report.choice import MANY, REPORT, ReportOptions
+from sma_bayes.report.choice import CAMPAIGN_REPORT_ABOVE, REPORT, ReportOptions
 from sma_bayes.report.figures.sheet import Drawing
 from sma_bayes.runs.documents import CARD
 from sma_bayes.runs.finished_run import read_finished
@@ -24,6 +24,6 @@ def build_report(folder: Path, wanted: ReportOptions) -> None:
     if stored.found.constitutive is not None:
         drawings += [phase_figure, strain_figure, curves_figure]
     conditions = list(dict.fromkeys(t.condition for t in stored.found.stiffness))
-    if wanted.drawn != REPORT or len(conditions) <= MANY:
+    if wanted.drawn != REPORT or len(conditions) <= CAMPAIGN_REPORT_ABOVE:
         drawings += [partial(stiffness_figure, condition=c) for c in conditions]
     assemble(__package__, stored, wanted, drawings, card_tables, headline=headline(stored.found))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from sma_bayes.report.content import INTERVAL, Estimate, Number
 from sma_bayes.report.notation import unit_label
-from sma_bayes.report.tables import OF_ROW, Column, Table, table_of
+from sma_bayes.report.tables import UNIT_OF_ROW, Column, Table, table_of
 from sma_bayes.runs.shown import in_declared_units
 from sma_bayes.studies.card.schema import CardDocument, ConstitutiveCard, StoredCard
 
@@ -28,10 +28,10 @@ def _constants(card: ConstitutiveCard) -> Table:
         [(c,) for c in (*card.constants, *card.at_reference)],
         (Column("constant", "constant"), lambda c: c.name),
         (
-            Column("in the card", "value", OF_ROW),
+            Column("in the card", "value", UNIT_OF_ROW),
             lambda c: Number(c.value, c.unit, 1e-3 * abs(c.value) or 10.0),
         ),
-        (Column("posterior", "posterior", OF_ROW), lambda c: Estimate.of(c, c.unit)),
+        (Column("posterior", "posterior", UNIT_OF_ROW), lambda c: Estimate.of(c, c.unit)),
         (Column("unit", "unit"), lambda c: unit_label(c.unit) or "1"),
         (Column("identified", "identified"), lambda c: "yes" if c.identified else "no"),
         (Column("meaning", "meaning"), lambda c: c.meaning),
@@ -80,7 +80,10 @@ def _stiffness(found: CardDocument) -> Table:
         (Column("rows", "rows"), lambda t, degrees: t.points),
         (Column("from", "first"), lambda t, degrees: f"{t.first:.5g} {degrees}"),
         (Column("step", "step"), lambda t, degrees: f"{t.step:.4g} {degrees}"),
-        (Column("error", "error", OF_ROW), lambda t, degrees: _two_digits(t.interpolation_error, t.unit)),
+        (
+            Column("error", "error", UNIT_OF_ROW),
+            lambda t, degrees: _two_digits(t.interpolation_error, t.unit),
+        ),
         (
             Column("over the stiffness", "relative", "1"),
             lambda t, degrees: _two_digits(t.relative_error, "1"),

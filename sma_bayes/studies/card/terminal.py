@@ -9,7 +9,7 @@ from rich.table import Column, Table
 
 from sma_bayes.quantities import unit_text
 from sma_bayes.report.notation import interval_text
-from sma_bayes.report.screen import NOT_CONVERGED, SHOWN, numbers, screen, show_end, titled
+from sma_bayes.report.screen import ENTRIES_SHOWN, NOT_CONVERGED, numbers, screen, show_end, titled
 from sma_bayes.runs.shown import in_declared_units
 from sma_bayes.studies.card.schema import CardFindings, ConstitutiveCard, StiffnessTable
 
@@ -90,7 +90,7 @@ def _constants(card: ConstitutiveCard) -> Table:
 def _tables(tables: tuple[StiffnessTable, ...]) -> Table:
     columns = ("condition", "branch", "quantity", "rows", "from", "to", "largest error of interpolation")
     shown = titled("stiffness tables", *columns)
-    for t in tables[:SHOWN]:
+    for t in tables[:ENTRIES_SHOWN]:
         degrees = unit_text(t.temperature_unit)
         shown.add_row(
             t.condition,

@@ -42,11 +42,11 @@ from sma_bayes.records.types import Record
 from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.response.polynomial import FREQUENCY, least_squares
 from sma_bayes.sampling.bridge import Evidence, bridge_evidence
-from sma_bayes.sampling.importance import MOST_MODES, WeightedDraws, importance_draws
+from sma_bayes.sampling.importance import MAX_MODES, WeightedDraws, importance_draws
 from sma_bayes.sampling.laplace import Mode, find_mode
 from sma_bayes.sampling.weighted import resampled, weighted_quantiles
 from sma_bayes.studies.compare.contenders import (
-    PLUGGED_IN,
+    PLUG_IN_MODELS,
     Contender,
     contenders,
     copy_of,
@@ -61,19 +61,19 @@ from sma_bayes.studies.compare.schema import StatedVerdict
 from sma_bayes.studies.compare.verdict import Standing, judge, stacking_weights
 
 AUTO: Final = "auto"
-SCREENED: Final = 3000
+SCREENED_DRAWS: Final = 3000
 """Draws from the prior among which starting points are looked for."""
 STARTS: Final = 4
-APART: Final = 0.3
+LEAST_START_DISTANCE: Final = 0.3
 """Least distance of starting points [sd of the prior]."""
 GRID: Final = 121
-AGREE: Final = 4.0
+EVIDENCE_STANDARD_ERRORS: Final = 4.0
 """Standard errors within which both evidences must agree, or 0.05."""
-CURVES: Final = 1000
+CURVE_DRAWS: Final = 1000
 """Draws of the curve that are compared with the data, for the correlation factors."""
-PROBED: Final = 200
+TIMED_EVALUATIONS: Final = 200
 """Evaluations of a density by which its time is told."""
-DENSITIES: Final = 40000
+EVALUATIONS_PER_FIT: Final = 40000
 """Evaluations of the density that one fit and its share of what is predicted take, by their time: of two records of
 298 and 299 samples, eleven models together."""
 LEVELS_READ: Final = ("K_min", "K_max")
@@ -127,7 +127,9 @@ class FittedContender:
     def evidences_agree(self) -> bool:
         """Whether the two evidences agree within their errors."""
         apart = abs(self.importance.value - self.bridge.value)
-        return apart <= max(AGREE * float(np.hypot(self.importance.sd, self.bridge.sd)), 0.05)
+        return apart <= max(
+            EVIDENCE_STANDARD_ERRORS * float(np.hypot(self.importance.sd, self.bridge.sd)), 0.05
+        )
 
     @property
     def evidence(self) -> Evidence:
@@ -370,7 +372,7 @@ def _modes(posterior: Posterior, rng: np.random.Generator) -> tuple[Mode, ...]:
         theta[:, sd] = np.where(np.isfinite(spread), np.maximum(spread, 1e-300), 1e300)
         return space.unconstrain(theta)
 
-    z = with_noise(space.constrain(space.draw(rng, SCREENED)))
+    z = with_noise(space.constrain(space.draw(rng, SCREENED_DRAWS)))
     z = z[np.isfinite(z).all(axis=1)]
     z = z[np.argsort(-posterior.log_prob(z), kind="stable")]
     starts: list[Floats] = []
@@ -383,7 +385,7 @@ def _modes(posterior: Posterior, rng: np.random.Generator) -> tuple[Mode, ...]:
     for point in z[:200]:
         if len(starts) >= STARTS:
             break
-        if all(np.max(np.abs(point - other) / width) > APART for other in starts):
+        if all(np.max(np.abs(point - other) / width) > LEAST_START_DISTANCE for other in starts):
             starts.append(point)
     modes = [m for m in (find_mode(posterior, s, width) for s in starts) if m is not None]
     return tuple(sorted(modes, key=lambda m: -m.log_prob))
@@ -408,7 +410,7 @@ def _modes_beside(posterior: Posterior, alone: Sequence[Mode], choice: NoiseChoi
     (channel,) = record.channels
     at, known, width = place.noise[channel], choice.estimate[0][channel], space.prior_sd()
     starts = []
-    for mode in alone[:MOST_MODES]:
+    for mode in alone[:MAX_MODES]:
         z = space.prior_centre()
         z[: posterior.sampled_model.size] = mode.z[: posterior.sampled_model.size]
         theta = space.constrain(z)
@@ -510,12 +512,14 @@ class _ComparisonSetting:
 
     def expected_s(self, contender: Contender, modes: Sequence[Mode]) -> float:
         """What `fit` is expected to take, within a factor of three [s]: fits of all samples and without each fold."""
-        points = np.repeat(modes[0].z[None], PROBED, axis=0)
+        points = np.repeat(modes[0].z[None], TIMED_EVALUATIONS, axis=0)
         posterior = self._posterior(contender)
         posterior.log_prob(points[:1])  # what is worked out once is no part of it
         clock = time.perf_counter()
         posterior.log_prob(points)
-        return (time.perf_counter() - clock) / PROBED * DENSITIES * (1 + self.folds.count)
+        return (
+            (time.perf_counter() - clock) / TIMED_EVALUATIONS * EVALUATIONS_PER_FIT * (1 + self.folds.count)
+        )
 
     def fit(
         self, contender: Contender, modes: Sequence[Mode], seed: np.random.SeedSequence
@@ -527,19 +531,19 @@ class _ComparisonSetting:
         theta = posterior.space.constrain(draws.z)
 
         def without(part: Record) -> Posterior:
-            if contender.name not in PLUGGED_IN:
+            if contender.name not in PLUG_IN_MODELS:
                 return of_samples(posterior, part)
             fresh = {k: v for k, v in _plugged_in(part).items() if k in posterior.model.parameter_names}
             return with_constants(of_samples(posterior, part), fresh)
 
         weights = missed_by(posterior, theta, missed_seed)
-        predictor = Predictor(posterior, draws, weights, without, contender.name in PLUGGED_IN)
+        predictor = Predictor(posterior, draws, weights, without, contender.name in PLUG_IN_MODELS)
         full, _ = density_of(posterior, theta, weights, self.record)
         n, folds = self.record.n, self.folds
         loo = predictor.leave_out(list(np.eye(n, dtype=bool)), loo_seed)
         blocks = [folds.number == b for b in range(folds.count)]
-        left = predictor.leave_out(blocks, fold_seed, -np.inf, curves=CURVES)
-        pick = resampled(draws.log_weight, CURVES, np.random.default_rng(curve_seed))
+        left = predictor.leave_out(blocks, fold_seed, -np.inf, curves=CURVE_DRAWS)
+        pick = resampled(draws.log_weight, CURVE_DRAWS, np.random.default_rng(curve_seed))
         fitted = predictor.mean_curve(theta[pick], self.record)
         (data,) = self.record.observed.values()
         return FittedContender(
@@ -567,7 +571,7 @@ class _ComparisonSetting:
 def _estimated(posterior: Posterior, contender: Contender) -> int:
     """Parameters of the curve that were estimated from the data, levels that were read off them included."""
     curve = posterior.space.parameters[: len(posterior.model.parameter_names)]
-    return sum(p.fixed is None for p in curve) + (len(LEVELS_READ) if contender.name in PLUGGED_IN else 0)
+    return sum(p.fixed is None for p in curve) + (len(LEVELS_READ) if contender.name in PLUG_IN_MODELS else 0)
 
 
 def _plugged_in(record: Record) -> dict[str, float]:

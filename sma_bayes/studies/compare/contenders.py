@@ -29,7 +29,7 @@ from sma_bayes.response.base import ResponseModel, Variant
 from sma_bayes.response.logistic import printed_constants
 from sma_bayes.response.polynomial import FREQUENCY, frequencies_of
 
-ALL: Final = "all"
+ALL_CONDITIONS: Final = "all"
 """Condition of joined records."""
 
 
@@ -79,7 +79,7 @@ def contenders(model: str = DEFAULT_MODEL) -> tuple[Contender, ...]:
     return (*out, *last)
 
 
-PLUGGED_IN: Final = ("logistic_published", "logistic_corrected")
+PLUG_IN_MODELS: Final = ("logistic_published", "logistic_corrected")
 """Contenders whose levels are the extremes of the data, as in the paper, rather than inferred."""
 
 
@@ -121,7 +121,7 @@ def joined(records: Sequence[Record], channel: str) -> Record:
     inputs["segment"] = np.concatenate([s + o for s, o in zip(sweeps, offset, strict=True)]).astype(float)
     inputs[CONDITION] = np.repeat(np.arange(len(parts), dtype=float), [p.n for p in parts])
     return Record(
-        Condition(ALL),
+        Condition(ALL_CONDITIONS),
         first.branch,
         inputs,
         {channel: np.concatenate([p.observed[channel] for p in parts])},
@@ -136,7 +136,7 @@ def joined(records: Sequence[Record], channel: str) -> Record:
 def unavailable(contender: Contender, record: Record) -> str:
     """Why a contender can't take part; empty where it can."""
     unit = record.units["temperature"]
-    if contender.name in PLUGGED_IN and unit != "degC":
+    if contender.name in PLUG_IN_MODELS and unit != "degC":
         return (
             f"its transformation temperatures are printed in °C, those of the record are in {unit_text(unit)}"
         )
@@ -173,7 +173,7 @@ def model_of(contender: Contender, record: Record) -> ResponseModel:
 
 def constants_of(contender: Contender, record: Record) -> dict[str, float]:
     """Parameters that a contender takes as given: printed, or plugged in from the data of the record."""
-    if contender.name not in PLUGGED_IN:
+    if contender.name not in PLUG_IN_MODELS:
         return {}
     (values,) = record.observed.values()
     levels = {"K_min": float(values.min()), "K_max": float(values.max())}

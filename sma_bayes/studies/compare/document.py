@@ -12,7 +12,7 @@ from sma_bayes.arrays import Floats
 from sma_bayes.assess.correlation import Agreement, factors, joined
 from sma_bayes.assess.correlation_average import Scored, averages
 from sma_bayes.runs.schema import CorrelationAverage, CorrelationFactors
-from sma_bayes.sampling.pareto import RELIABLE
+from sma_bayes.sampling.pareto import MAX_RELIABLE_K
 from sma_bayes.sampling.weighted import weighted_quantiles
 from sma_bayes.studies.compare.comparison import Comparison, FittedContender
 from sma_bayes.studies.compare.contenders import Contender, curve_of
@@ -114,7 +114,7 @@ def _numbers(comparison: Comparison, found: FittedContender) -> dict[str, Any]:
         "r_held_out": correlation(y, predicted),
         "correlation": _correlation(found),
         "pareto_k_max": float(loo.k.max()),
-        "pareto_k_above": int(np.sum(loo.k > RELIABLE)),
+        "pareto_k_above": int(np.sum(loo.k > MAX_RELIABLE_K)),
         "pareto_k_anew_max": float(np.max([*loo.k_anew, *out.k_anew])),
         "refits": FitsAnew(samples=loo.refits, folds=out.refits),
         "refits_not_converged": FitsAnew(samples=loo.not_converged, folds=out.not_converged),

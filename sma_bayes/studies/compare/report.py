@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from sma_bayes.report.assembly import assemble
-from sma_bayes.report.choice import MANY, REPORT, Drawn, ReportOptions
+from sma_bayes.report.choice import CAMPAIGN_REPORT_ABOVE, REPORT, Drawn, ReportOptions
 from sma_bayes.report.content import PAPER_CORRELATION
 from sma_bayes.report.figures.sheet import Drawing
 from sma_bayes.response import DEFAULT_MODEL
@@ -41,7 +41,7 @@ def build_report(folder: Path, wanted: ReportOptions) -> None:
 def _drawings(stored: StoredComparison, drawn: Drawn) -> list[Callable[[StoredComparison], Drawing]]:
     drawings: list[Callable[[StoredComparison], Drawing]] = []
     records = stored.found.records
-    if drawn == "all" or (drawn == REPORT and len(records) <= MANY):
+    if drawn == "all" or (drawn == REPORT and len(records) <= CAMPAIGN_REPORT_ABOVE):
         drawings += [partial(curves_figure, record=record) for record in records]
     drawings += [partial(differences_figure, number=n + 1) for n in range(pages(stored))]
     return [*drawings, model_average_figure] if model_averages(stored) else drawings

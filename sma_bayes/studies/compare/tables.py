@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from sma_bayes.report.averages import average_factors
 from sma_bayes.report.content import INTERVAL, PAPER_CORRELATION, AverageFactor, Estimate, Number
 from sma_bayes.report.notation import unit_label
-from sma_bayes.report.tables import AVERAGE_COLUMNS, OF_ROW, Cell, Column, Table, average_cells, words
+from sma_bayes.report.tables import AVERAGE_COLUMNS, UNIT_OF_ROW, Cell, Column, Table, average_cells, words
 from sma_bayes.studies.compare.schema import ComparedRecord, StatedDifference, StoredComparison
 from sma_bayes.studies.compare.words import noise_words, short
 
@@ -77,8 +77,8 @@ def model_correlation_table(stored: StoredComparison) -> Table:
             Column("R², in sample", "r2_in_sample", "1", brief=False),
             Column("R², held out", "r2_held_out", "1"),
             Column("unit", "unit"),
-            Column("RMSE, in sample", "rmse_in_sample", OF_ROW, brief=False),
-            Column("RMSE, held out", "rmse_held_out", OF_ROW),
+            Column("RMSE, in sample", "rmse_in_sample", UNIT_OF_ROW, brief=False),
+            Column("RMSE, held out", "rmse_held_out", UNIT_OF_ROW),
             Column("folds below their mean", "folds_worse_than_their_mean"),
             Column("folds without r", "folds_without_r", brief=False),
         ),
@@ -183,7 +183,7 @@ def model_table(stored: StoredComparison) -> Table:
             Column("ln evidence", "ln_evidence", "1"),
             Column("weight", "weight", "1"),
             Column("held-out log density", "elpd_held_out", "1"),
-            Column("held-out RMSE", "rmse_held_out", OF_ROW),
+            Column("held-out RMSE", "rmse_held_out", UNIT_OF_ROW),
             Column("unit", "unit", brief=False),
             Column("held-out r", "r_held_out", "1"),
             Column("greatest Pareto k", "pareto_k_max", "1", brief=False),

@@ -28,13 +28,13 @@ from sma_bayes.studies.compare.schema import StatedDifference, StatedVerdict
 from sma_bayes.studies.compare.words import listed, same_curve, spoken
 
 CANNOT_TELL: Final = "cannot tell"
-DECISIVE: Final = float(np.log(20.0))
+LN_BAYES_FACTOR_DECISIVE: Final = float(np.log(20.0))
 """Least ln Bayes factor of a decisive preference."""
-ERRORS: Final = 2.0
+DECISIVE_STANDARD_ERRORS: Final = 2.0
 """Standard errors by which the Bayes factor must exceed it."""
-AGAINST: Final = 1.5
+OPPOSING_STANDARD_ERRORS: Final = 1.5
 """Standard errors by which held-out measurements may lean to another family without speaking against."""
-ROUNDS: Final = 2000
+BOOTSTRAP_ROUNDS: Final = 2000
 LEVEL: Final = 0.95
 """Of the interval of a held-out difference."""
 
@@ -118,10 +118,10 @@ def _reason(
         return f"{same_curve(twins)}, {lead}", False
     ratio = f"ln Bayes factor of {first} over {second} is {nats(factor)}"
     if not _ahead(best, rival):
-        return f"{ratio}, less than {DECISIVE:.1f} beyond its error", False
+        return f"{ratio}, less than {LN_BAYES_FACTOR_DECISIVE:.1f} beyond its error", False
     others = [s for s in voting if s.family != best.family]
     worst = min(others, key=lambda o: _lead(best, o))
-    if _lead(best, worst) < -AGAINST:
+    if _lead(best, worst) < -OPPOSING_STANDARD_ERRORS:
         lost = nats(-difference(best.folds, worst.folds).value)
         preferred = f"the evidence prefers {first} by {nats(factor)} (logarithm)"
         return (
@@ -137,7 +137,7 @@ def _reason(
 def _ahead(one: Standing, other: Standing) -> bool:
     """Whether one model's evidence is decisively greater."""
     error = float(np.hypot(one.ln_evidence_sd, other.ln_evidence_sd))
-    return one.ln_evidence - other.ln_evidence >= DECISIVE + ERRORS * error
+    return one.ln_evidence - other.ln_evidence >= LN_BAYES_FACTOR_DECISIVE + DECISIVE_STANDARD_ERRORS * error
 
 
 def _lead(one: Standing, other: Standing) -> float:
@@ -175,7 +175,7 @@ def stacking_weights(log_density: Mapping[str, Floats]) -> dict[str, float]:
     values = np.stack([log_density[n] for n in names])
     p = np.exp(values - values.max(axis=0))
     weight = np.full(len(names), 1.0 / len(names))
-    for _ in range(ROUNDS):
+    for _ in range(BOOTSTRAP_ROUNDS):
         share = weight[:, None] * p
         new = (share / share.sum(axis=0)).mean(axis=1)
         if np.max(np.abs(new - weight)) < 1e-9:

@@ -53,7 +53,7 @@ from sma_bayes.studies.study_step import StepTable, StudyStep
 
 FEWEST_CONDITIONS = 2
 """Conditions that can be left out in turn."""
-MOST_STARTED: Final = 100
+MAX_STARTED_RECORDS: Final = 100
 """Records that are all started before the first is compared, so that what they take is told beforehand."""
 
 
@@ -182,7 +182,7 @@ def _started(
     records: Sequence[Record], options: FitOptions, work: RunContext
 ) -> Sequence[StartedComparison | Record]:
     """What is compared, with the noise chosen and the time that it takes announced where records are not very many."""
-    if len(records) > MOST_STARTED:
+    if len(records) > MAX_STARTED_RECORDS:
         return records
     task = partial(_start, o=options)
     begun = list(run(task, records, work.jobs, account=work.account, stage="compare"))

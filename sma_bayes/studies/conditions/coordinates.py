@@ -24,11 +24,11 @@ from sma_bayes.parameters.roles import Role
 from sma_bayes.parameters.space import ParameterSpec
 from sma_bayes.response.base import ResponseModel
 
-LOGARITHMIC = frozenset({Role.SPAN, Role.RATE, Role.SECOND_RATE, Role.WIDTH, Role.TAIL, Role.GAP})
+LOGARITHMIC_ROLES = frozenset({Role.SPAN, Role.RATE, Role.SECOND_RATE, Role.WIDTH, Role.TAIL, Role.GAP})
 """Roles that are taken as logarithms: what differs between conditions multiplies them."""
-JOINED = (Role.SPAN, Role.RATE, Role.MIDPOINT)
+JOINED_ROLES = (Role.SPAN, Role.RATE, Role.MIDPOINT)
 """Roles whose mean and difference over displacement and force are taken, in place of both."""
-TEN_TO_NINETY = 2.0 * float(np.log(9.0))
+TEN_TO_NINETY_WIDTH = 2.0 * float(np.log(9.0))
 """Width of a sigmoid of rate 1 from 10 to 90 %: 4.39."""
 PRIOR_DRAWS = 4000
 
@@ -130,8 +130,8 @@ class CurveCoordinates:
 
         width, span, rate = size(Role.WIDTH), size(Role.SPAN), size(Role.RATE)
         if width is None and rate:
-            width = TEN_TO_NINETY / rate
-        if fact.role in LOGARITHMIC:
+            width = TEN_TO_NINETY_WIDTH / rate
+        if fact.role in LOGARITHMIC_ROLES:
             return 1.0
         if fact.role is Role.MIDPOINT and width:
             return width
@@ -154,7 +154,7 @@ def _typical(records: Sequence[RecordDraws], name: str) -> float:
 
 def _joined(model: ResponseModel) -> tuple[tuple[int, int], ...]:
     """Positions of the parameters of displacement and force that are joined."""
-    pairs = [[model.position(role, c) for c in ("displacement", "force")] for role in JOINED]
+    pairs = [[model.position(role, c) for c in ("displacement", "force")] for role in JOINED_ROLES]
     return tuple((i, j) for i, j in pairs if i is not None and j is not None)
 
 
@@ -185,7 +185,7 @@ def coordinates_for(records: Sequence[RecordDraws]) -> CurveCoordinates:
     signs = np.zeros(len(names))
     for i, fact in enumerate(model.facts):
         name = fact.name
-        if fact.role in LOGARITHMIC:
+        if fact.role in LOGARITHMIC_ROLES:
             found = {float(s) for r in records for s in np.unique(np.sign(r.theta[:, i]))}
             if len(found) > 1 or 0.0 in found:
                 raise MeasurementError(

@@ -15,16 +15,16 @@ from scipy.special import logsumexp
 
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
-from sma_bayes.sampling.pareto import RELIABLE, smoothed_weights
+from sma_bayes.sampling.pareto import MAX_RELIABLE_K, smoothed_weights
 from sma_bayes.sampling.weighted import resampled
 from sma_bayes.studies.conditions.coordinates import CurveCoordinates
 from sma_bayes.studies.conditions.scatter import ScatterDensity, Summary
 from sma_bayes.studies.conditions.schema import StatedCorrection
 
 Places = NDArray[np.intp]
-INSIDE: Final = 6
+POINTS_PER_DRAW: Final = 6
 """Points at which the likelihood of each condition is evaluated for each draw of the population."""
-WIDER: Final = 1.15
+WIDENING: Final = 1.15
 """By how much these points are drawn from wider than the Gaussian answer, so that they reach the tails."""
 
 
@@ -67,7 +67,7 @@ def corrected(
         return gaussian, everything, _correction(np.nan, {}, count, why)
     log_weight, k_of, phi = np.zeros(len(tau)), {}, []
     for place, record in enumerate(records):
-        own, ratio = density.condition(place, mean[place], tau, rng, INSIDE, WIDER)
+        own, ratio = density.condition(place, mean[place], tau, rng, POINTS_PER_DRAW, WIDENING)
         points = own.reshape(-1, own.shape[-1])
         ratio = ratio + log_ratio(density.summaries[place], coordinates, record, points, rng).reshape(
             ratio.shape
@@ -77,11 +77,9 @@ def corrected(
         chosen = np.argmax(ratio + rng.gumbel(size=ratio.shape), axis=1)  # a draw in proportion to exp(ratio)
         phi.append(own[everything, chosen])
     smooth, k = smoothed_weights(log_weight[:, None])
-    bad = [name for name, value in k_of.items() if value > RELIABLE]
-    if bad or k[0] > RELIABLE:
-        why = (
-            f"the weights can't be relied on: Pareto k of {', '.join(bad) or 'all together'} above {RELIABLE}"
-        )
+    bad = [name for name, value in k_of.items() if value > MAX_RELIABLE_K]
+    if bad or k[0] > MAX_RELIABLE_K:
+        why = f"the weights can't be relied on: Pareto k of {', '.join(bad) or 'all together'} above {MAX_RELIABLE_K}"
         return gaussian, everything, _correction(float(k[0]), k_of, count, why)
     effective = float(np.exp(-logsumexp(2.0 * smooth[:, 0])))
     kept = resampled(smooth[:, 0], len(tau), rng)
@@ -163,7 +161,7 @@ def _given_curve(phi: Floats, nu: Floats, at: Floats, rng: np.random.Generator) 
     design = np.column_stack([np.ones(len(phi)), (phi - centre) / spread])
     slopes, *_ = np.linalg.lstsq(design, nu, rcond=None)
     left = nu - design @ slopes
-    root = WIDER * np.linalg.cholesky(np.atleast_2d(np.cov(left.T)))
+    root = WIDENING * np.linalg.cholesky(np.atleast_2d(np.cov(left.T)))
     far = np.clip(
         (at - centre) / spread, -4.0, 4.0
     )  # a line is not meant for what the record itself rules out

@@ -17,9 +17,9 @@ from sma_bayes.records.types import Condition
 
 SETTINGS = tuple(f.name for f in fields(Condition) if f.name != "id")
 """``current``, ``load``, ``frequency``, ``duty_cycle``."""
-TOGETHER = 0.9
+CONFOUNDED_CORRELATION = 0.9
 """Correlation from which two things that vary count as confounded."""
-SAME = 1e-9
+SETTING_TOLERANCE = 1e-9
 """Relative difference up to which two settings are the same."""
 
 
@@ -108,7 +108,9 @@ class Design:
             convex hull of the measured conditions).
         """
         x = self.row(condition)
-        outside = tuple(v for v, at in zip(self.varied, x[1:], strict=True) if abs(at) > 0.5 + SAME)
+        outside = tuple(
+            v for v, at in zip(self.varied, x[1:], strict=True) if abs(at) > 0.5 + SETTING_TOLERANCE
+        )
         if outside:
             return outside
         count = len(self.conditions)
@@ -174,7 +176,7 @@ def designs(conditions: Sequence[Condition]) -> tuple[Design, ...]:
 
 
 def _varies(values: Sequence[float]) -> bool:
-    return max(values) - min(values) > SAME * max(abs(v) for v in values)
+    return max(values) - min(values) > SETTING_TOLERANCE * max(abs(v) for v in values)
 
 
 class Confounder(DocumentPart):
@@ -214,5 +216,9 @@ def confounders(design: Design, measured: Mapping[str, Floats]) -> tuple[Confoun
         for name, values in (others | came_about).items():
             if _varies(values.tolist()):
                 r = float(np.corrcoef(design.values(setting), values)[0, 1])
-                out.append(Confounder(setting=setting, other=name, correlation=r, strong=abs(r) >= TOGETHER))
+                out.append(
+                    Confounder(
+                        setting=setting, other=name, correlation=r, strong=abs(r) >= CONFOUNDED_CORRELATION
+                    )
+                )
     return tuple(out)

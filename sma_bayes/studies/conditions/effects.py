@@ -27,18 +27,18 @@ from sma_bayes.fitting.curves import interval_where_defined
 from sma_bayes.studies.conditions.design import Confounder, Design, confounders, designs
 from sma_bayes.studies.conditions.features import BOTH, Feature
 
-FREEDOM = 4.0
+SCATTER_PRIOR_DF = 4.0
 """Degrees of freedom of the prior of the scatter."""
-SCATTERS = np.geomspace(1e-3, 1e2, 301)
+SCATTER_GRID = np.geomspace(1e-3, 1e2, 301)
 """Scatters at which its posterior is worked out, in units of the scale of its prior."""
 DRAWS = 4000
-CAME_ABOUT = ("least_temperature", "peak_temperature")
+MEASURED_SETTINGS = ("least_temperature", "peak_temperature")
 """Features that were measured rather than set, and vary along with the settings."""
 
-MOST_LACKING = 0.1
+MAX_SHARE_LACKING = 0.1
 """Share of the draws of a condition that may lack a feature, such as a start that the tangent puts beyond what was
 measured: an effect is then that of the others."""
-MATERIAL = 0.02
+MATERIAL_END_SHIFT = 0.02
 """Share of a temperature sweep by which an end of it must differ between conditions to matter."""
 
 
@@ -115,7 +115,7 @@ def operating_effects(features: Sequence[Feature], *, seed: int = 0) -> tuple[Se
         came_about = _came_about(design, features)
         along = confounders(design, came_about)
         for name, branch, channel in dict.fromkeys((f.name, f.branch, f.channel) for f in features):
-            if name in CAME_ABOUT and name not in came_about:
+            if name in MEASURED_SETTINGS and name not in came_about:
                 continue
             members = {
                 f.condition: f for f in features if (f.name, f.branch, f.channel) == (name, branch, channel)
@@ -129,10 +129,10 @@ def operating_effects(features: Sequence[Feature], *, seed: int = 0) -> tuple[Se
 
 def _came_about(design: Design, features: Sequence[Feature]) -> dict[str, Floats]:
     found = {(f.name, f.condition): float(f.draws[0]) for f in features if f.branch == BOTH and f.measured}
-    by_name = {name: np.array([found[name, c] for c in design.conditions]) for name in CAME_ABOUT}
-    least, peak = (by_name[name] for name in CAME_ABOUT)
+    by_name = {name: np.array([found[name, c] for c in design.conditions]) for name in MEASURED_SETTINGS}
+    least, peak = (by_name[name] for name in MEASURED_SETTINGS)
     sweep = float(np.median(peak - least))
-    return {name: values for name, values in by_name.items() if np.ptp(values) > MATERIAL * sweep}
+    return {name: values for name, values in by_name.items() if np.ptp(values) > MATERIAL_END_SHIFT * sweep}
 
 
 def _effects(
@@ -141,7 +141,7 @@ def _effects(
     first = members[0]
     defined = [f.draws[np.isfinite(f.draws) & ((f.draws > 0.0) | (not f.on_log))] for f in members]
     lacking = {f.condition.id: 1.0 - d.size / f.draws.size for f, d in zip(members, defined, strict=True)}
-    usable = max(lacking.values()) <= MOST_LACKING
+    usable = max(lacking.values()) <= MAX_SHARE_LACKING
     size = min(d.size for d in defined)
     y = np.stack([d[:size] for d in defined])
     y = np.log(y) if first.on_log and usable else y
@@ -216,10 +216,12 @@ def regression(matrix: Floats, y: Floats, rng: np.random.Generator, size: int = 
     )
     if not scale > 0.0:
         return Regression(np.zeros((size, matrix.shape[1])), np.zeros(size))
-    grid = scale * SCATTERS
+    grid = scale * SCATTER_GRID
     basis, _, turn = _full_rank(matrix)
     fits = [_given_scatter(basis, mean, variance + tau**2) for tau in grid]
-    log_mass = np.array([f[2] for f in fits]) - 0.5 * (FREEDOM + 1.0) * np.log1p(SCATTERS**2 / FREEDOM)
+    log_mass = np.array([f[2] for f in fits]) - 0.5 * (SCATTER_PRIOR_DF + 1.0) * np.log1p(
+        SCATTER_GRID**2 / SCATTER_PRIOR_DF
+    )
     log_mass += np.log(grid)  # equal steps of the logarithm
     place = rng.choice(grid.size, size, p=np.exp(log_mass - logsumexp(log_mass)))
     coefficient = np.stack([f[0] for f in fits])[place]

@@ -24,7 +24,7 @@ BOTH = "both"
 """Branch of what heating and cooling make together."""
 CHANNELS = ("force", "displacement")
 """Channels whose parameters are compared between conditions, in the order in which they are listed."""
-AT_EDGE = 0.02
+EDGE_SHARE = 0.02
 """Share of the measured range next to its ends in which an extreme counts as lying at the end."""
 
 
@@ -166,7 +166,7 @@ def slope_unit(unit: str, degrees: str) -> str:
 
 
 def _at_edge(place: np.ndarray[tuple[int], np.dtype[np.intp]], size: int) -> float:
-    margin = AT_EDGE * (size - 1)
+    margin = EDGE_SHARE * (size - 1)
     return float(np.mean((place <= margin) | (place >= size - 1 - margin)))
 
 

@@ -11,7 +11,7 @@ from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.fitting.curves import quantiles
 from sma_bayes.studies.conditions.design import Design, designs
-from sma_bayes.studies.conditions.population import SCATTER, Population, population_of
+from sma_bayes.studies.conditions.population import PRIOR_MEDIAN_SCATTER, Population, population_of
 from sma_bayes.studies.conditions.prediction import (
     Neighbours,
     Prediction,
@@ -68,7 +68,7 @@ def leave_out(
     place: int,
     seed: np.random.SeedSequence,
     *,
-    scatter: float = SCATTER,
+    scatter: float = PRIOR_MEDIAN_SCATTER,
 ) -> tuple[LeftOutChannel, ...]:
     """Predict one condition from the others of its design.
 

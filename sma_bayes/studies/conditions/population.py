@@ -52,11 +52,11 @@ from sma_bayes.studies.conditions.design import Design
 from sma_bayes.studies.conditions.scatter import ScatterDensity, summary_of
 from sma_bayes.studies.conditions.schema import StatedCorrection
 
-SCATTER: Final = 0.1
+PRIOR_MEDIAN_SCATTER: Final = 0.1
 """Median of the scatter before the data, as a share of the curve's characteristic scales."""
 DRAWS: Final = 2000
 """Draws of level, slopes and scatter."""
-FEW_SPARE: Final = 3
+LEAST_SPARE_CONDITIONS: Final = 3
 """Conditions beyond those that the slopes need, below which the scatter is called led by its prior."""
 
 
@@ -94,7 +94,7 @@ class Population:
     @property
     def prior_led(self) -> bool:
         """Whether so few conditions are to spare that the scatter is led by its prior."""
-        return self.design.spare < FEW_SPARE
+        return self.design.spare < LEAST_SPARE_CONDITIONS
 
 
 def population_of(
@@ -102,7 +102,7 @@ def population_of(
     records: Sequence[RecordDraws],
     seed: np.random.SeedSequence,
     *,
-    scatter: float = SCATTER,
+    scatter: float = PRIOR_MEDIAN_SCATTER,
 ) -> Population:
     """Learn the hierarchical model.
 

@@ -14,10 +14,10 @@ from scipy.stats import multivariate_normal
 from sma_bayes.arrays import Floats
 from sma_bayes.batches import batches
 
-COMMON: Final = 1.0
-OWN: Final = 1.0
+COMMON_LN_SD: Final = 1.0
+OWN_LN_SD: Final = 1.0
 """Standard deviations of the logarithm of the scatter: what all coordinates have in common, and what each has alone."""
-SHARPEST: Final = 1e-10
+LEAST_VARIANCE_RATIO: Final = 1e-10
 """Least variance of a posterior over that of its prior: parameters that are held fixed have none."""
 CHUNK: Final = 1 << 20
 """Numbers in an array of intermediate results, about."""
@@ -56,7 +56,7 @@ def summary_of(phi: Floats, prior_mean: Floats, prior_covariance: Floats) -> Sum
     whitened = np.linalg.solve(root, (phi - prior_mean).T)  # prior N(0, I)
     mean, covariance = whitened.mean(axis=1), np.atleast_2d(np.cov(whitened))
     variance, vector = np.linalg.eigh(covariance)
-    variance = np.maximum(variance, SHARPEST)
+    variance = np.maximum(variance, LEAST_VARIANCE_RATIO)
     gained = np.maximum(1.0 / variance - 1.0, 0.0)
     pull = np.where(gained > 0.0, (vector.T @ mean) / variance, 0.0)
     back = np.linalg.solve(root.T, vector)
@@ -104,12 +104,12 @@ class ScatterDensity:
     def draw_prior(self, rng: np.random.Generator, size: int) -> Floats:
         """Draws (size, P) of ``ln tau`` from its prior."""
         common, own = rng.standard_normal((size, 1)), rng.standard_normal((size, self.scale.size))
-        return np.asarray(np.log(self.scale) + COMMON * common + OWN * own)
+        return np.asarray(np.log(self.scale) + COMMON_LN_SD * common + OWN_LN_SD * own)
 
     def log_prior(self, log_tau: Floats) -> Floats:
         """Log density of the prior of ``ln tau`` (W, P), shape (W,)."""
         p = self.scale.size
-        covariance = COMMON**2 * np.ones((p, p)) + OWN**2 * np.eye(p)
+        covariance = COMMON_LN_SD**2 * np.ones((p, p)) + OWN_LN_SD**2 * np.eye(p)
         return np.asarray(multivariate_normal.logpdf(log_tau, np.log(self.scale), covariance)).reshape(
             len(log_tau)
         )

@@ -20,12 +20,12 @@ from sma_bayes.studies.conditions.design import SETTINGS, Design, designs
 from sma_bayes.studies.conditions.effects import SettingEffect, operating_effects
 from sma_bayes.studies.conditions.features import CHANNELS, Feature, condition_features
 from sma_bayes.studies.conditions.leave_out import LeftOutChannel, leave_out
-from sma_bayes.studies.conditions.population import SCATTER, Population, population_of
+from sma_bayes.studies.conditions.population import PRIOR_MEDIAN_SCATTER, Population, population_of
 from sma_bayes.studies.conditions.prediction import Prediction, predict
 
-EACH: Final = "each"
+EACH_CONDITION: Final = "each"
 """Leave every condition out in turn."""
-FEWEST: Final = 2
+LEAST_CONDITIONS: Final = 2
 """Conditions from which something in common can be learnt."""
 
 
@@ -87,7 +87,7 @@ def study(
     left_out: Sequence[str] = (),
     *,
     seed: int = 0,
-    scatter: float = SCATTER,
+    scatter: float = PRIOR_MEDIAN_SCATTER,
     jobs: int | None = None,
     tell: Progress | None = None,
     account: Account | None = None,
@@ -174,7 +174,7 @@ def _groups(records: Sequence[RecordDraws]) -> tuple[list[ComparableRecords], li
         by_condition = {r.condition: r for r in members}
         for design in designs(tuple(by_condition)):
             own = tuple(by_condition[c] for c in design.conditions)
-            if len(own) < FEWEST:
+            if len(own) < LEAST_CONDITIONS:
                 stated = ", ".join(design.stated) or "no setting"
                 remarks.append(
                     f"{own[0].key} ({own[0].posterior.model.name}: {', '.join(own[0].channels)}; stated: {stated}) has "
@@ -221,13 +221,13 @@ def _able(groups: Sequence[ComparableRecords], condition: Condition) -> list[Com
 
 def _left_out(groups: Sequence[ComparableRecords], names: Sequence[str]) -> list[str]:
     known = list(dict.fromkeys(i for g in groups for i in g.design.ids))
-    if list(names) == [EACH] and EACH not in known:
+    if list(names) == [EACH_CONDITION] and EACH_CONDITION not in known:
         return known
     for name in names:
         if name not in known:
             raise UnknownNameError(
                 f"no condition {name!r} that others could predict",
-                expected=f"{near_matches(name, known)}, or {EACH!r}",
+                expected=f"{near_matches(name, known)}, or {EACH_CONDITION!r}",
             )
     return list(dict.fromkeys(names))
 

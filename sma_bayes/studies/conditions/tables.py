@@ -8,7 +8,7 @@ from typing import Final
 from sma_bayes.quantities import quantity_of
 from sma_bayes.report.content import Estimate, Number
 from sma_bayes.report.notation import interval_text, unit_label
-from sma_bayes.report.tables import OF_ROW, Cell, Column, Table, table_of, words
+from sma_bayes.report.tables import UNIT_OF_ROW, Cell, Column, Table, table_of, words
 from sma_bayes.runs.schema import IntervalDocument
 from sma_bayes.studies.conditions.schema import (
     ConditionsDocument,
@@ -35,13 +35,13 @@ NAMES: Final[Mapping[str, str]] = {
     "duty_cycle": "duty cycle",
 }
 """Features and settings, for people."""
-HOPELESS: Final = 100.0
+UNINFORMATIVE_SPANS: Final = 100.0
 """Spans of a curve from which a width or an error says no more than that nothing is known."""
-HELD: Final = 0.8
+LEAST_COVERAGE: Final = 0.8
 """Share of left-out curves that a 90 % band has to hold for its way of predicting to be advised."""
-LEFT: Final = 0.01
+NEGLIGIBLE_SHARE: Final = 0.01
 """Share of a transformation below which it is over; a factor between such shares says nothing."""
-EDGE: Final = 0.5
+EDGE_PROBABILITY: Final = 0.5
 """Probability from which an extreme is said to lie at an end of the measured temperatures."""
 
 
@@ -87,14 +87,14 @@ def share_text(share: float) -> str:
     >>> share_text(0.1234), share_text(3.2e22)
     ('0.12', 'no limit')
     """
-    return f"{share:.2g}" if share < HOPELESS else "no limit"
+    return f"{share:.2g}" if share < UNINFORMATIVE_SPANS else "no limit"
 
 
 def preferred_way(found: ConditionsDocument) -> str:
     """Which way of predicting to use where they disagree, by what was left out; empty where nothing was.
 
-    It is the narrowest of those whose 90 % band held at least `HELD` of the curves; extrapolations and stiffness, whose
-    width is one of logarithms, do not count.
+    It is the narrowest of those whose 90 % band held at least `LEAST_COVERAGE` of the curves; extrapolations and
+    stiffness, whose width is one of logarithms, do not count.
     """
     rows: dict[str, list[tuple[float, float]]] = {}
     for h in found.held_out:
@@ -106,7 +106,7 @@ def preferred_way(found: ConditionsDocument) -> str:
     means = {
         name: tuple(sum(v) / len(parts) for v in zip(*parts, strict=True)) for name, parts in rows.items()
     }
-    good = {name: m for name, m in means.items() if m[0] >= HELD}
+    good = {name: m for name, m in means.items() if m[0] >= LEAST_COVERAGE}
     best = min(good, key=lambda n: good[n][1]) if good else max(means, key=lambda n: means[n][0])
     held, width = means[best]
     told = (
@@ -164,11 +164,11 @@ def extremes_table(stored: StoredConditions) -> Table:
         "Over the measured temperatures of both branches, as Tables 9 to 12 of the paper have them; 90 % intervals.",
         (
             Column("condition", "condition"),
-            Column("least temperature", "least_temperature", OF_ROW),
-            Column("peak temperature", "peak_temperature", OF_ROW),
+            Column("least temperature", "least_temperature", UNIT_OF_ROW),
+            Column("peak temperature", "peak_temperature", UNIT_OF_ROW),
             Column("unit", "temperature_unit"),
-            Column("least stiffness", "least_stiffness", OF_ROW),
-            Column("greatest stiffness", "greatest_stiffness", OF_ROW),
+            Column("least stiffness", "least_stiffness", UNIT_OF_ROW),
+            Column("greatest stiffness", "greatest_stiffness", UNIT_OF_ROW),
             Column("unit", "stiffness_unit"),
             Column("ratio", "stiffness_ratio", "1"),
         ),
@@ -181,12 +181,12 @@ def feature_table(stored: StoredConditions) -> Table:
     rows, specimen = [], stored.found.specimen
     features = stored.found.features
     shares = [f for f in features if f.name == "share_left"]
-    left = {(f.branch, f.channel) for f in shares if (f.median or 0.0) >= LEFT}
+    left = {(f.branch, f.channel) for f in shares if (f.median or 0.0) >= NEGLIGIBLE_SHARE}
     for f in features:
         if f.name == "share_left" and (f.branch, f.channel) not in left:
             continue
         value = Number(f.median, f.unit) if f.measured or f.median is None else Estimate.where_told(f, f.unit)
-        edge = f.at_edge is not None and f.at_edge > EDGE
+        edge = f.at_edge is not None and f.at_edge > EDGE_PROBABILITY
         rows.append(
             (f.condition, f.branch, named(f.name), quantity_of(f.channel, specimen=specimen), value,
              unit_label(f.unit) or "1", "at an end of the sweep" if edge else "")
@@ -200,7 +200,7 @@ def feature_table(stored: StoredConditions) -> Table:
         (
             *words("condition", "branch", "feature"),
             Column("of", "channel"),
-            Column("value", "value", OF_ROW),
+            Column("value", "value", UNIT_OF_ROW),
             *words("unit", "remark"),
         ),
         tuple(rows),
@@ -222,11 +222,11 @@ def effect_table(stored: StoredConditions) -> Table:
             *words("group", "setting", "from", "to", "feature", "branch"),
             Column("of", "channel"),
             Column("kind", "kind"),
-            Column("tested", "tested", OF_ROW),
-            Column("including scatter", "with_scatter", OF_ROW),
+            Column("tested", "tested", UNIT_OF_ROW),
+            Column("including scatter", "with_scatter", UNIT_OF_ROW),
             Column("unit", "unit"),
             Column("P(rises)", "probability_rises", "1"),
-            Column("scatter of a condition", "scatter", OF_ROW, brief=False),
+            Column("scatter of a condition", "scatter", UNIT_OF_ROW, brief=False),
             Column("remark", "remark"),
             Column("can't be told from", "confounded_with", brief=False),
         ),
@@ -260,7 +260,7 @@ def _nothing_is_left(found: ConditionsDocument, e: StatedEffect) -> bool:
         if f.condition in e.conditions
         and (f.name, f.branch, f.channel) == ("share_left", e.branch, e.channel)
     ]
-    return e.feature == "share_left" and max(shares, default=0.0) < LEFT
+    return e.feature == "share_left" and max(shares, default=0.0) < NEGLIGIBLE_SHARE
 
 
 def scatter_table(stored: StoredConditions) -> Table:
@@ -282,8 +282,8 @@ def scatter_table(stored: StoredConditions) -> Table:
         "unit, before and after the data; and the change over the tested range of each setting.",
         (
             *words("conditions", "branch", "coordinate"),
-            Column("scatter before", "scatter_prior", OF_ROW),
-            Column("scatter", "scatter", OF_ROW),
+            Column("scatter before", "scatter_prior", UNIT_OF_ROW),
+            Column("scatter", "scatter", UNIT_OF_ROW),
             Column("unit", "unit"),
             Column("change with", "change"),
         ),
@@ -315,7 +315,7 @@ def prediction_table(stored: StoredConditions) -> Table:
         (
             *words("condition", "branch", "feature"),
             Column("of", "channel"),
-            Column("value", "value", OF_ROW),
+            Column("value", "value", UNIT_OF_ROW),
             *words("unit", "warning"),
             Column("meaning", "meaning", brief=False),
         ),
@@ -371,7 +371,7 @@ def _held_out_rows(found: ConditionsDocument) -> Iterator[tuple[Cell, ...]]:
 
 
 def _share(share: float) -> Cell:
-    return Number(share, "1", 0.01) if share < HOPELESS else share_text(share)
+    return Number(share, "1", 0.01) if share < UNINFORMATIVE_SPANS else share_text(share)
 
 
 def pooled_table(stored: StoredConditions) -> Table:
@@ -390,11 +390,11 @@ def pooled_table(stored: StoredConditions) -> Table:
         (Column("branch", "branch"), lambda condition, branch, name, v: branch),
         (Column("parameter", "parameter"), lambda condition, branch, name, v: name),
         (
-            Column("by itself", "alone", OF_ROW),
+            Column("by itself", "alone", UNIT_OF_ROW),
             lambda condition, branch, name, v: Estimate.where_told(v.own, v.unit),
         ),
         (
-            Column("partially pooled", "pooled", OF_ROW),
+            Column("partially pooled", "pooled", UNIT_OF_ROW),
             lambda condition, branch, name, v: Estimate.where_told(v.pooled, v.unit),
         ),
         (Column("unit", "unit"), lambda condition, branch, name, v: unit_label(v.unit) or "1"),

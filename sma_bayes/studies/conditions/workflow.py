@@ -33,7 +33,7 @@ from sma_bayes.studies.conditions.document import (
     stem,
     study_parts,
 )
-from sma_bayes.studies.conditions.population import SCATTER
+from sma_bayes.studies.conditions.population import PRIOR_MEDIAN_SCATTER
 from sma_bayes.studies.conditions.schema import ConditionsFindings, ConditionsOptions
 from sma_bayes.studies.conditions.study import ConditionStudy, bands_of, study
 from sma_bayes.studies.fit.tasks import FitTask, sample_task
@@ -51,7 +51,7 @@ def study_conditions(
     at: Sequence[Condition | str] = (),
     leave_out: Sequence[str] = (),
     seed: int = 0,
-    scatter: float = SCATTER,
+    scatter: float = PRIOR_MEDIAN_SCATTER,
     model: str | None = None,
     jobs: int | None = None,
     resume: bool = False,
@@ -209,7 +209,7 @@ class ConditionsTable(FromFitTable):
     model: str | None = None
     at: Texts = ()
     leave_out: Texts = ()
-    scatter: float = Field(default=SCATTER, gt=0.0, le=SCATTER_LIMIT.value)
+    scatter: float = Field(default=PRIOR_MEDIAN_SCATTER, gt=0.0, le=SCATTER_LIMIT.value)
 
 
 def _told(found: Mapping[str, Any]) -> str:

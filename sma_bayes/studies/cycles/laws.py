@@ -50,34 +50,34 @@ from sma_bayes.studies.cycles.movers import Movers
 from sma_bayes.studies.cycles.schema import Law
 
 NONE: Final = "none"
-POWERS: Final[Mapping[Law, tuple[float, ...]]] = {
+LAW_POWERS: Final[Mapping[Law, tuple[float, ...]]] = {
     "exponential": (1.0,),
     "stretched": (0.75, 0.5, 0.35),
     "logarithmic": (0.0,),
 }
 """Laws with their powers on the grid: 1 - exp(-(N/N0)^power), and for the power 0 its limit ln(1 + N/N0)."""
-FORMS: Final = tuple(POWERS)
-PACES: Final = np.geomspace(0.3, 300.0, 33)
+LAWS: Final = tuple(LAW_POWERS)
+N0_GRID: Final = np.geomspace(0.3, 300.0, 33)
 """Cycles N0 on the grid."""
-USUAL_PACE: Final = 5.0
-PACE_SD: Final = 1.2
-"""Standard deviation of the prior of ln N0 about that of `USUAL_PACE`: 90 % between 0.7 and 36 cycles."""
-SIZES: Final = np.array([1.0, 0.3, 0.1, 0.03])
+USUAL_N0: Final = 5.0
+LN_N0_SD: Final = 1.2
+"""Standard deviation of the prior of ln N0 about that of `USUAL_N0`: 90 % between 0.7 and 36 cycles."""
+CHANGE_SD_GRID: Final = np.array([1.0, 0.3, 0.1, 0.03])
 """Standard deviations of the change by a law on the grid [usual changes], equally probable."""
-SCATTERS: Final = np.geomspace(0.002, 50.0, 20)
+SCATTER_SD_GRID: Final = np.geomspace(0.002, 50.0, 20)
 """Standard deviations of the effect of a sweep on the grid [usual ones]; the least are below what any rig tells."""
-STEPS: Final = np.geomspace(0.003, 10.0, 8)
+WALK_SD_GRID: Final = np.geomspace(0.003, 10.0, 8)
 """First steps of the walk on the grid [usual scatter], by either clock."""
-SCALES: Final = (1.0, 0.3, 0.1, 0.03, 0.01)
+SCALE_GRID: Final = (1.0, 0.3, 0.1, 0.03, 0.01)
 """About which scatter and steps of all numbers are [usual ones]."""
-WALKING: Final = (0.1, 0.5, 0.9)
+WALKING_SHARE_GRID: Final = (0.1, 0.5, 0.9)
 """Shares of the numbers that walk; each clock has half of these."""
-RIGS: Final = tuple(product(SCALES, WALKING))
+REPEATABILITY_GRID: Final = tuple(product(SCALE_GRID, WALKING_SHARE_GRID))
 """How well a spring repeats in its rig: the scale and the share on the grid, all equally probable."""
 USUAL_STEP: Final = 1.0 / 3.0
 LEVEL_SD: Final = 3.0
 """Standard deviation of the level about the mean of the data [usual changes]."""
-EARNED: Final = 3.0
+LEAST_LN_EVIDENCE_GAIN: Final = 3.0
 """What a law must gain in ln evidence over free changes of each sweep: odds of 20 to 1."""
 FEWEST_CYCLES: Final = 3
 """Cycles from which a law can be told from anything."""
@@ -137,7 +137,7 @@ def approach(power: float, pace: float, cycle: Floats, last: float) -> Floats:
     Parameters
     ----------
     power : float
-        Of `POWERS`: ``1 - exp(-(N/N0)^power)``, or for 0 ``ln(1 + N/N0)``, each over its value at `last`.
+        Of `LAW_POWERS`: ``1 - exp(-(N/N0)^power)``, or for 0 ``ln(1 + N/N0)``, each over its value at `last`.
     pace : float
         N0.
     cycle : ndarray
@@ -165,11 +165,13 @@ class LawPosterior:
         Laws that are considered beside none.
     """
 
-    def __init__(self, series: Sequence[Series], forms: Sequence[Law] = FORMS) -> None:
+    def __init__(self, series: Sequence[Series], forms: Sequence[Law] = LAWS) -> None:
         self.last = max(float(s.cycle.max()) for s in series)
         tested = len({c for s in series for c in s.cycle.tolist()}) >= FEWEST_CYCLES
         self.forms = tuple(forms) if tested else ()
-        self.laws = [(power, float(pace)) for form in self.forms for power in POWERS[form] for pace in PACES]
+        self.laws = [
+            (power, float(pace)) for form in self.forms for power in LAW_POWERS[form] for pace in N0_GRID
+        ]
         self.testable = tested
         self._series = [_Marginal(s, self.laws, self.last) for s in series]
         kinds = [s.kind for s in series]
@@ -187,12 +189,12 @@ class LawPosterior:
     @cached_property
     def _log_joint(self) -> Floats:
         """Log of prior times likelihood: of no law, and of each law and N0, in each rig, shape (R, 1 + K)."""
-        none = np.sum([s.log_still for s in self._series], axis=0)[:, None] - np.log(len(RIGS))
-        each = none + self._movers[0].log_odds.reshape(len(RIGS), -1)
-        prior = -0.5 * (np.log(PACES / USUAL_PACE) / PACE_SD) ** 2
+        none = np.sum([s.log_still for s in self._series], axis=0)[:, None] - np.log(len(REPEATABILITY_GRID))
+        each = none + self._movers[0].log_odds.reshape(len(REPEATABILITY_GRID), -1)
+        prior = -0.5 * (np.log(N0_GRID / USUAL_N0) / LN_N0_SD) ** 2
         prior -= logsumexp(prior)
         each += np.concatenate([
-            prior - np.log(len(POWERS[form])) for form in self.forms for _ in POWERS[form]
+            prior - np.log(len(LAW_POWERS[form])) for form in self.forms for _ in LAW_POWERS[form]
         ] or [[]])  # fmt: skip
         return np.concatenate([none, each], axis=1)
 
@@ -203,9 +205,11 @@ class LawPosterior:
 
     def _of(self, form: Law) -> Floats:
         """Log of prior times likelihood of a law, by power and N0, shape (powers, N0)."""
-        before = [len(POWERS[f]) for f in self.forms[: self.forms.index(form)]]
-        first = 1 + PACES.size * sum(before)
-        return self._log_of_law[first : first + PACES.size * len(POWERS[form])].reshape(-1, PACES.size)
+        before = [len(LAW_POWERS[f]) for f in self.forms[: self.forms.index(form)]]
+        first = 1 + N0_GRID.size * sum(before)
+        return self._log_of_law[first : first + N0_GRID.size * len(LAW_POWERS[form])].reshape(
+            -1, N0_GRID.size
+        )
 
     @cached_property
     def ln_evidence(self) -> dict[Law, float]:
@@ -221,12 +225,12 @@ class LawPosterior:
 
     @property
     def chosen(self) -> Law:
-        """The law with the greatest evidence, if it gains `EARNED` over none; else none."""
+        """The law with the greatest evidence, if it gains `LEAST_LN_EVIDENCE_GAIN` over none; else none."""
         best = max(self.ln_evidence, key=lambda law: self.ln_evidence[law])
-        return best if self.ln_evidence[best] >= EARNED else NONE
+        return best if self.ln_evidence[best] >= LEAST_LN_EVIDENCE_GAIN else NONE
 
     def pace_weights(self, form: Law) -> Floats:
-        """Posterior of N0 under a law, on `PACES`."""
+        """Posterior of N0 under a law, on `N0_GRID`."""
         logs = logsumexp(self._of(form), axis=0)
         return np.asarray(np.exp(logs - logsumexp(logs)))
 
@@ -291,10 +295,10 @@ class _Marginal:
         self.series, n = series, series.cycle.size
         self.centre = float(series.value.mean())
         self.y = series.value - self.centre
-        steps = np.concatenate([[0.0], STEPS, STEPS]) * series.scatter
-        self.tau = np.repeat(SCATTERS * series.scatter, steps.size)
-        self.omega = np.tile(steps, SCATTERS.size)
-        self.logarithmic = np.tile(np.arange(steps.size) > STEPS.size, SCATTERS.size)
+        steps = np.concatenate([[0.0], WALK_SD_GRID, WALK_SD_GRID]) * series.scatter
+        self.tau = np.repeat(SCATTER_SD_GRID * series.scatter, steps.size)
+        self.omega = np.tile(steps, SCATTER_SD_GRID.size)
+        self.logarithmic = np.tile(np.arange(steps.size) > WALK_SD_GRID.size, SCATTER_SD_GRID.size)
         design = [np.ones(n), *(approach(power, pace, series.cycle, last) for power, pace in laws)]
         self.design = np.array(design).T
         self.factors = [cho_factor(self._covariance(c), lower=True) for c in range(self.tau.size)]
@@ -306,14 +310,14 @@ class _Marginal:
         self.of_rig = self._log_prior()
         base = -0.5 * (log_det + own[:, 0] + n * np.log(2.0 * np.pi))
         level = (LEVEL_SD * series.change) ** -2
-        self.change = (SIZES * series.change) ** -2
+        self.change = (CHANGE_SD_GRID * series.change) ** -2
         self.m11, self.h1 = gram[:, 1, 1] + level, gram[:, 1, 0]
         self.m1k, self.mkk, self.hk = gram[:, 2:, 1], own[:, 2:], gram[:, 2:, 0]
         self.still = base + 0.5 * (self.h1**2 / self.m11 - np.log(self.m11 / level))
         rest = (self.mkk - self.m1k**2 / self.m11[:, None])[..., None] + self.change
         explained = (self.hk - self.m1k * (self.h1 / self.m11)[:, None])[..., None] ** 2 / rest
         self.moving = self.still[:, None, None] + 0.5 * (explained - np.log(rest / self.change))
-        self.moving -= np.log(SIZES.size)
+        self.moving -= np.log(CHANGE_SD_GRID.size)
         self.log_still = logsumexp(self.of_rig + self.still, axis=1)
         best = self.moving.max(axis=(0, 2), initial=-np.inf)
         moving = np.exp(self.moving - best[:, None]).sum(axis=2)
@@ -335,11 +339,13 @@ class _Marginal:
         return np.array([
             np.log(
                 np.outer(
-                    _half_cauchy(SCATTERS / scale),
-                    np.concatenate([[1.0 - share], *2 * [0.5 * share * _half_cauchy(STEPS / (USUAL_STEP * scale))]]),
+                    _half_cauchy(SCATTER_SD_GRID / scale),
+                    np.concatenate(
+                        [[1.0 - share], *2 * [0.5 * share * _half_cauchy(WALK_SD_GRID / (USUAL_STEP * scale))]]
+                    ),
                 )
             ).ravel()
-            for scale, share in RIGS
+            for scale, share in REPEATABILITY_GRID
         ])  # fmt: skip
 
     def draw(

@@ -16,11 +16,11 @@ from typing import Final
 import numpy as np
 
 from sma_bayes.arrays import Floats, Ints
-from sma_bayes.studies.cycles.sweeps import STEP, Strand
+from sma_bayes.studies.cycles.sweeps import TEMPERATURE_STEP, Strand
 
 NEWTON_STEPS: Final = 4
 """Steps to the middle of the mean sweep, from that of the fitted curve."""
-LONGEST: Final = 0.1
+MAX_NEWTON_STEP: Final = 0.1
 """Longest of them [range of the measured temperatures]."""
 
 
@@ -67,11 +67,13 @@ def mean_sweep(strand: Strand, numbers: Floats, errors: Floats | None, measured:
     level, span = at_ends.mean(axis=1), np.abs(at_ends[:, 1] - at_ends[:, 0])
     a, g, d, w = mean.T
     value = strand.level + (level - strand.level - strand.span * a) * np.exp(-g)
-    place, longest = np.full(len(mean), strand.middle), LONGEST * (high - low)
+    place, longest = np.full(len(mean), strand.middle), MAX_NEWTON_STEP * (high - low)
     for _ in range(NEWTON_STEPS):
-        before, here, after = strand.common(place[:, None] + np.array([-STEP, 0.0, STEP]), errors).T
+        before, here, after = strand.common(
+            place[:, None] + np.array([-TEMPERATURE_STEP, 0.0, TEMPERATURE_STEP]), errors
+        ).T
         with np.errstate(divide="ignore", invalid="ignore"):
-            step = (value - here) / (after - before) * (2.0 * STEP)
+            step = (value - here) / (after - before) * (2.0 * TEMPERATURE_STEP)
         place = place + np.clip(np.nan_to_num(step), -longest, longest)
     middle = strand.middle + d + (place - strand.middle) * np.exp(w)
     return MeanSweep(mean, level, span, middle, place, value)

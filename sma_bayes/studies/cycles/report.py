@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from sma_bayes.report.assembly import assemble
-from sma_bayes.report.choice import MANY, REPORT, Drawn, ReportOptions
+from sma_bayes.report.choice import CAMPAIGN_REPORT_ABOVE, REPORT, Drawn, ReportOptions
 from sma_bayes.report.figures.sheet import Drawing
 from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.runs.documents import CYCLES
@@ -33,7 +33,7 @@ def build_report(folder: Path, wanted: ReportOptions) -> None:
 
 def _drawings(stored: StoredCycles, drawn: Drawn) -> list[Callable[[StoredCycles], Drawing]]:
     conditions = stored.found.conditions
-    if not (drawn == "all" or (drawn == REPORT and len(conditions) <= MANY)):
+    if not (drawn == "all" or (drawn == REPORT and len(conditions) <= CAMPAIGN_REPORT_ABOVE)):
         return []
     makers = (curves_figure, numbers_figure, values_figure)
     return [partial(make, number=n + 1) for n in range(len(conditions)) for make in makers]

@@ -19,9 +19,9 @@ from sma_bayes.studies.cycles.schema import HeldOutCycles
 from sma_bayes.studies.cycles.sweeps import NUMBERS, PRIOR_SD, USUAL_SCATTER, Strand, fit_strand
 
 DRAWS: Final = 2000
-PLACES: Final = 31
+CHANGE_GRID_POINTS: Final = 31
 """Temperatures at which the change of a curve is looked at, from the lowest to the highest that was measured."""
-HELD_OUT: Final = 0.3
+HELD_OUT_SHARE: Final = 0.3
 """Share of the cycles, the last ones, that are forecast from the others."""
 FEWEST_TO_HOLD_OUT: Final = 5
 """Cycles from which that is done."""
@@ -29,7 +29,7 @@ ERROR_DRAWS: Final = 200
 """Draws of the common curve that tell how uncertain it makes a value of a single sweep."""
 OWN_DRAWS: Final = 1000
 """Draws of curve and numbers that tell how uncertain the four numbers of a single sweep are."""
-FLAT: Final = 1e-3
+FLAT_SLOPE_SHARE: Final = 1e-3
 """Slope below which a displacement is level and has no stiffness [greatest slope of the common curve]."""
 
 
@@ -148,7 +148,7 @@ def changes(pooled: Pooled) -> Floats:
     """
     found = np.zeros((pooled.draws[0].state.shape[0], pooled.cycle.size - 1))
     for place, strand in enumerate(pooled.strands):
-        t = np.linspace(*strand.ends, PLACES)
+        t = np.linspace(*strand.ends, CHANGE_GRID_POINTS)
         state = pooled.numbers(place, "state")
         before = strand.curve(state[:, 0], t)
         for n in range(found.shape[1]):
@@ -269,7 +269,7 @@ def _stiffness(pooled: Pooled, force: int, displacement: int, temperature: float
     def ratio(of_force: Floats, of_displacement: Floats) -> Floats:
         with np.errstate(all="ignore"):
             k = of_force / of_displacement
-        return np.asarray(np.where(np.abs(of_displacement) > FLAT * steepest, k, np.nan))
+        return np.asarray(np.where(np.abs(of_displacement) > FLAT_SLOPE_SHARE * steepest, k, np.nan))
 
     drawn = ratio(*(
         pooled.strands[i].slope(pooled.numbers_beside_errors(i), t, pooled.errors[i])[..., 0]
@@ -298,7 +298,7 @@ def held_out(strands: Sequence[Strand], seed: int) -> list[HeldOutCycles]:
     cycles = sorted({float(c) for s in strands for c in s.cycle})
     if len(cycles) < FEWEST_TO_HOLD_OUT:
         return []
-    kept = cycles[: len(cycles) - max(int(HELD_OUT * len(cycles)), 1)]
+    kept = cycles[: len(cycles) - max(int(HELD_OUT_SHARE * len(cycles)), 1)]
     last = kept[-1]
     if any(np.sum(s.cycle <= last) < 2 or np.all(s.cycle <= last) for s in strands):
         return []

@@ -47,26 +47,26 @@ USUAL_SCATTER: Final = np.array([0.02, 0.05, 1.0, 0.1])
 """How well one specimen in one rig usually repeats, in the same units."""
 LEAST_SAMPLES: Final = 8
 """Fewest samples of a sweep that gets numbers of its own."""
-ROUNDS: Final = 60
+MAX_ROUNDS: Final = 60
 """Most rounds of curve and numbers."""
-STEPS: Final = 20
+MAX_EVALUATIONS: Final = 20
 """Most evaluations of the curve in one of them."""
-SETTLED: Final = 1e-3
+RELATIVE_TOLERANCE: Final = 1e-3
 """Share by which what is left may still shrink in the last."""
-ITERATIONS: Final = 30
-SMOOTHER: Final = 2
+MAX_ITERATIONS: Final = 30
+EXTRA_DECAY_POWER: Final = 2
 """Power of their number by which functions that the common curve misses are smaller than those of a single fit: those
 of a quintic smoothing spline, since the stiffness asks for slopes."""
-FINE: Final = 1000
+GRID_POINTS: Final = 1000
 """Temperatures at which the curve is looked at, to spread these functions over it."""
 LEAST_NOISE: Final = 1e-4
 """Least noise that is reckoned with [spans]."""
-LEAST_SHAPE: Final = 1e-6
+LEAST_SHAPE_SHARE: Final = 1e-6
 """Share of what parameters do to the curve (squares) and four numbers can't, below which it is rounding."""
 GREATEST_MEMORY: Final = 0.9
 MOST_SAMPLES: Final = 200
 """Samples of a sweep from which what least squares takes of the noise is told."""
-STEP: Final = 0.01
+TEMPERATURE_STEP: Final = 0.01
 """Step of finite differences in temperature [K]."""
 
 
@@ -214,13 +214,17 @@ class Strand:
 
     def slope(self, numbers: Floats, temperature: Floats, errors: Floats | None = None) -> Floats:
         """Their derivatives with respect to temperature."""
-        up, down = (self.curve(numbers, temperature + by, errors) for by in (STEP, -STEP))
-        return (up - down) / (2.0 * STEP)
+        up, down = (
+            self.curve(numbers, temperature + by, errors) for by in (TEMPERATURE_STEP, -TEMPERATURE_STEP)
+        )
+        return (up - down) / (2.0 * TEMPERATURE_STEP)
 
     def tangents_in_numbers(self, temperature: Floats) -> Floats:
         """What the four numbers do to the curve of the response model, (n, 4)."""
         rise = self.smooth(temperature) - self.level
-        slope = (self.smooth(temperature + STEP) - self.smooth(temperature - STEP)) / (2.0 * STEP)
+        slope = (
+            self.smooth(temperature + TEMPERATURE_STEP) - self.smooth(temperature - TEMPERATURE_STEP)
+        ) / (2.0 * TEMPERATURE_STEP)
         level = np.full(temperature.size, self.span)
         return np.column_stack([level, rise, slope, slope * (temperature - self.middle)])
 
@@ -358,9 +362,9 @@ def _alternate(record: Record, channel: str, cycle: Floats, model: ResponseModel
 def _settled(strand: Strand, with_curve: Callable[[Strand], Strand]) -> tuple[Strand, bool]:
     """Curve and numbers in turn, until both leave no less than before, and whether they came to that."""
     left = np.inf
-    for _ in range(ROUNDS):
+    for _ in range(MAX_ROUNDS):
         strand = _with_numbers(with_curve(strand))
-        if strand.noise >= (1.0 - SETTLED) * left:
+        if strand.noise >= (1.0 - RELATIVE_TOLERANCE) * left:
             return strand, True
         left = strand.noise
     return strand, False
@@ -385,7 +389,7 @@ def _onto_curve(strand: Strand) -> tuple[Floats, Floats, Floats]:
 def _missed_basis(strand: Strand) -> DiscrepancyBasis | None:
     """Basis of a discrepancy of the common curve that can't take the place of the numbers, nor of its parameters."""
     at = _onto_curve(strand)[0]
-    fine = np.linspace(at.min(), at.max(), FINE)
+    fine = np.linspace(at.min(), at.max(), GRID_POINTS)
     nodes = nodes_of(at.min(), at.max(), fine, strand.smooth(fine))
 
     shape = _shape_directions(strand, at)
@@ -394,7 +398,7 @@ def _missed_basis(strand: Strand) -> DiscrepancyBasis | None:
         return np.column_stack([strand.tangents_in_numbers(t), strand.tangents_in_parameters(t) @ shape])
 
     basis = build_basis(at, nodes, strand.smooth(nodes), tangents(at), tangents(nodes))
-    return None if basis is None else basis.smoother(SMOOTHER)
+    return None if basis is None else basis.smoother(EXTRA_DECAY_POWER)
 
 
 def _weights(strand: Strand, noise: float) -> WeightsGivenResiduals:
@@ -472,7 +476,7 @@ def _with_curve(strand: Strand) -> Strand:
     if not free.size:
         return strand
     found = optimize.least_squares(
-        left, strand.theta[free], jac=jacobian, x_scale="jac", xtol=1e-6, ftol=1e-6, max_nfev=STEPS
+        left, strand.theta[free], jac=jacobian, x_scale="jac", xtol=1e-6, ftol=1e-6, max_nfev=MAX_EVALUATIONS
     )
     return replace(strand, theta=whole(found.x))
 
@@ -484,7 +488,7 @@ def _with_numbers(strand: Strand) -> Strand:
     damping, eye = np.full(len(p), 1e-3), np.eye(4)
     left, rows = _left(strand, p), _rows(strand, p)
     cost = _cost(strand, left, p, noise)
-    for _ in range(ITERATIONS):
+    for _ in range(MAX_ITERATIONS):
         normal = _sums(rows[:, :, None] * rows[:, None, :], strand) / noise**2 + hold
         uphill = _sums(rows * left[:, None], strand) / noise**2 - p @ hold
         damped = normal + damping[:, None, None] * eye * np.einsum("nii->ni", normal)[:, None, :]
@@ -569,8 +573,8 @@ def _shape_directions(strand: Strand, at: Floats) -> Floats:
     alone = design[:, usable] * scale
     alone = alone - q @ (q.T @ alone)
     power, axes = np.linalg.eigh(alone.T @ alone)
-    directions = np.zeros((strand.free.size, int(np.sum(power > LEAST_SHAPE))))
-    directions[usable] = scale[:, None] * axes[:, power > LEAST_SHAPE]
+    directions = np.zeros((strand.free.size, int(np.sum(power > LEAST_SHAPE_SHARE))))
+    directions[usable] = scale[:, None] * axes[:, power > LEAST_SHAPE_SHARE]
     return directions
 
 

@@ -7,7 +7,7 @@ from typing import Any
 
 from sma_bayes.report.content import Estimate, Number
 from sma_bayes.report.notation import unit_label
-from sma_bayes.report.tables import OF_ROW, Cell, Column, Table
+from sma_bayes.report.tables import UNIT_OF_ROW, Cell, Column, Table
 from sma_bayes.studies.cycles.schema import ConditionCycles, StoredCycles
 
 CONDITION = Column("condition", "condition")
@@ -74,7 +74,8 @@ def _stable(conditions: tuple[ConditionCycles, ...]) -> Table:
 def _changes(conditions: tuple[ConditionCycles, ...]) -> Table:
     columns = (
         *CURVE, Column("number", "number"), Column("unit", "unit"), Column("P(trained)", "probability", "1"),
-        Column("change", "change", OF_ROW), Column("scatter", "scatter", OF_ROW), Column("step", "step", OF_ROW),
+        Column("change", "change", UNIT_OF_ROW), Column("scatter", "scatter", UNIT_OF_ROW),
+        Column("step", "step", UNIT_OF_ROW),
     )  # fmt: skip
     rows = tuple(
         (
@@ -117,8 +118,8 @@ def span(cycles: tuple[float, ...]) -> str:
 def _quantities(conditions: tuple[ConditionCycles, ...], temperature_unit: str) -> Table:
     columns = (
         *CURVE, Column("quantity", "quantity"), Column("at", "at", temperature_unit), Column("unit", "unit"),
-        Column("cycle", "cycle"), Column("measured", "measured"), Column("by itself", "own", OF_ROW),
-        Column("pooled", "pooled", OF_ROW),
+        Column("cycle", "cycle"), Column("measured", "measured"), Column("by itself", "own", UNIT_OF_ROW),
+        Column("pooled", "pooled", UNIT_OF_ROW),
     )  # fmt: skip
     note = (
         "Each sweep by itself (median and 90 % interval), and pooled over cycles; of cycles that "
@@ -148,7 +149,7 @@ def _rows(c: ConditionCycles, temperature_unit: str) -> Iterator[tuple[Any, ...]
 def _curves(conditions: tuple[ConditionCycles, ...], temperature_unit: str) -> Table:
     columns = (
         *CURVE, Column("model", "model"), Column("unit", "unit"), Column("midpoint", "midpoint", temperature_unit),
-        Column("level", "level", OF_ROW), Column("span", "span", OF_ROW), Column("misfit", "missed", "1"),
+        Column("level", "level", UNIT_OF_ROW), Column("span", "span", UNIT_OF_ROW), Column("misfit", "missed", "1"),
         Column("lag-1 correlation", "lag1_correlation", "1"),
     )  # fmt: skip
     rows = tuple(

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any, Final
 
 from sma_bayes.report.notation import interval_text, unit_label
-from sma_bayes.report.screen import SHOWN, Screen, numbers, screen, show_end, titled
+from sma_bayes.report.screen import ENTRIES_SHOWN, Screen, numbers, screen, show_end, titled
 from sma_bayes.runs.shown import in_declared_units
 from sma_bayes.studies.cycles.schema import ConditionCycles, CyclesDocument, QuantityByCycle
 from sma_bayes.studies.cycles.tables import span
@@ -23,10 +23,10 @@ def show_cycles(told: Mapping[str, Any], out: Path) -> None:
     found = in_declared_units(CyclesDocument.model_validate(told))
     console = screen()
     console.tell(f"{found.campaign}, seed {found.seed}")
-    for one in found.conditions[:SHOWN]:
+    for one in found.conditions[:ENTRIES_SHOWN]:
         _show_condition(console, one, found.temperature_unit)
-    if len(found.conditions) > SHOWN:
-        console.print(f"and {len(found.conditions) - SHOWN} more conditions")
+    if len(found.conditions) > ENTRIES_SHOWN:
+        console.print(f"and {len(found.conditions) - ENTRIES_SHOWN} more conditions")
     console.tell(*(f"remark: {text}" for text in found.declared_differently))
     console.tell(*(f"left out {text}" for text in found.left_out))
     if not found.converged:
@@ -89,10 +89,10 @@ def _show_branch(
 
 def shown_rows(measured: int, cycles: int) -> list[int | None]:
     """Places of the cycles that are shown, None where some are left out: first and last ones, mostly measured."""
-    if cycles <= SHOWN:
+    if cycles <= ENTRIES_SHOWN:
         return list(range(cycles))
     return [
-        *_first_and_last(range(measured), SHOWN - FORECAST),
+        *_first_and_last(range(measured), ENTRIES_SHOWN - FORECAST),
         *_first_and_last(range(measured, cycles), FORECAST),
     ]
 

@@ -28,7 +28,7 @@ from sma_bayes.runs.schema import IntervalDocument, interval_document
 from sma_bayes.runs.store import or_nan, write_csv
 from sma_bayes.studies.ask.workflow import asked_temperature
 from sma_bayes.studies.cycles.expected import expected_s
-from sma_bayes.studies.cycles.laws import EARNED, FORMS, NONE, PACES
+from sma_bayes.studies.cycles.laws import LAWS, LEAST_LN_EVIDENCE_GAIN, N0_GRID, NONE
 from sma_bayes.studies.cycles.mean_sweep import mean_sweep
 from sma_bayes.studies.cycles.schema import (
     ChangeOfNumber,
@@ -57,9 +57,9 @@ from sma_bayes.studies.options import FitOptions, model_named, prior_set
 from sma_bayes.studies.run_context import RunContext
 from sma_bayes.studies.study_step import DrawnTable, StudyStep, Texts, temperatures
 
-SHARE: Final = 0.02
-PROBABILITY: Final = 0.9
-AHEAD: Final = 10
+STABLE_SHARE: Final = 0.02
+STABLE_PROBABILITY: Final = 0.9
+FORECAST_CYCLES: Final = 10
 MOST_CYCLES: Final = 500
 """Most cycles of a condition, those that are forecast included: matrices grow with their square."""
 FEWEST_CYCLES: Final = 2
@@ -71,9 +71,9 @@ def cycles(
     out: str | Path | None = None,
     *,
     at: Sequence[str] = (),
-    share: float = SHARE,
-    probability: float = PROBABILITY,
-    ahead: int = AHEAD,
+    share: float = STABLE_SHARE,
+    probability: float = STABLE_PROBABILITY,
+    ahead: int = FORECAST_CYCLES,
     model: str = DEFAULT_MODEL,
     seed: int = 0,
     jobs: int | None = None,
@@ -271,10 +271,10 @@ def _law(pooled: Pooled) -> LawOfTraining:
     best: Law = NONE
     n0 = None
     if p.testable:
-        best = max(FORMS, key=lambda form: p.ln_evidence[form])
+        best = max(LAWS, key=lambda form: p.ln_evidence[form])
         weights = p.pace_weights(best)
         reached = np.cumsum(weights) - 0.5 * weights
-        n0 = IntervalDocument(**as_interval(np.interp(list(INTERVAL.values()), reached, PACES)))
+        n0 = IntervalDocument(**as_interval(np.interp(list(INTERVAL.values()), reached, N0_GRID)))
     return LawOfTraining.about(
         p,
         ln_evidence={law: float(v) for law, v in p.ln_evidence.items()},
@@ -297,10 +297,10 @@ def _reason(pooled: Pooled, best: Law, n0: IntervalDocument | None) -> str:
     if p.chosen == NONE:
         return (
             f"no law: the {_spoken(best)} one gains {gain:.1f} in ln evidence over free changes of each sweep, "
-            f"and {EARNED:g} are needed"
+            f"and {LEAST_LN_EVIDENCE_GAIN:g} are needed"
         )
     low, middle, high = n0.quantiles
-    other = max((form for form in FORMS if form != best), key=lambda form: p.ln_evidence[form])
+    other = max((form for form in LAWS if form != best), key=lambda form: p.ln_evidence[form])
     lead = f"{gain - p.ln_evidence[other]:.1f} more than the {_spoken(other)} law"
     return (
         f"{_spoken(best)}, N0 = {middle:.2g} cycles ({low:.2g} to {high:.2g}): {gain:.1f} more in ln "
@@ -425,9 +425,9 @@ class CyclesTable(DrawnTable):
 
     model: str | None = None
     at: Texts = ()
-    share: float = Field(default=SHARE, gt=0.0, le=1.0)
-    probability: float = Field(default=PROBABILITY, gt=0.0, lt=1.0)
-    ahead: int = Field(default=AHEAD, ge=0)
+    share: float = Field(default=STABLE_SHARE, gt=0.0, le=1.0)
+    probability: float = Field(default=STABLE_PROBABILITY, gt=0.0, lt=1.0)
+    ahead: int = Field(default=FORECAST_CYCLES, ge=0)
 
 
 STEP: Final = StudyStep(

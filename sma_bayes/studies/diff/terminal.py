@@ -10,7 +10,7 @@ from rich.table import Table
 from sma_bayes.quantities import SPECIMEN_QUANTITY, unit_text
 from sma_bayes.records.types import setting_unit
 from sma_bayes.report.notation import write, write_interval
-from sma_bayes.report.screen import SHOWN, Screen, numbers, screen
+from sma_bayes.report.screen import ENTRIES_SHOWN, Screen, numbers, screen
 from sma_bayes.studies.diff.schema import (
     ComparedParameter,
     ComparedRecords,
@@ -35,10 +35,10 @@ def show_diff(told: Mapping[str, Any]) -> None:
         console.print("the same data, options and versions")
     console.tell(*found.declared_differently)
     differing = [r for r in found.records if not r.same]
-    for r in differing[:SHOWN]:
+    for r in differing[:ENTRIES_SHOWN]:
         _show_record(console, r, found)
-    if len(differing) > SHOWN:
-        console.print(f"and {len(differing) - SHOWN} more records that differ")
+    if len(differing) > ENTRIES_SHOWN:
+        console.print(f"and {len(differing) - ENTRIES_SHOWN} more records that differ")
     alike = len(found.records) - len(differing)
     level = f"{found.tolerance:g} standard deviations"
     verdict = "the same" if found.same else "DIFFERENT"

@@ -9,14 +9,14 @@ from sma_bayes.assess.adequacy import DiscrepancySummary, remedy
 from sma_bayes.errors import first_of
 from sma_bayes.quantities import SPECIMEN_QUANTITY
 from sma_bayes.report.content import INTERVAL, Content, Estimate, Number, RecordContent
-from sma_bayes.report.notation import NORMAL_90, unit_label
-from sma_bayes.report.tables import OF_ROW, Cell, Column, Table, words
+from sma_bayes.report.notation import NORMAL_90_WIDTH, unit_label
+from sma_bayes.report.tables import UNIT_OF_ROW, Cell, Column, Table, words
 from sma_bayes.studies.fit.findings import finding_groups
-from sma_bayes.studies.fit.inadequate import NAMED, reason_groups
+from sma_bayes.studies.fit.inadequate import RECORDS_NAMED, reason_groups
 
 ENDS_OF_STIFFNESS: Final = ("least_stiffness", "greatest_stiffness")
 """Names of the quantities of a branch that are told first."""
-TRIVIAL: Final = ("straight_path", "constant_load", "constant_displacement")
+RIG_PATHS: Final = ("straight_path", "constant_load", "constant_displacement")
 """Paths whose slope tells of the rig and not of the alloy."""
 
 
@@ -86,10 +86,10 @@ def _spread_table(answer: Table) -> Table:
         "with the first branch of a condition.",
         (
             *words("branch", "quantity", "unit"),
-            Column("lowest", "lowest", OF_ROW),
+            Column("lowest", "lowest", UNIT_OF_ROW),
             Column("of", "lowest_of"),
-            Column("middle", "middle", OF_ROW),
-            Column("highest", "highest", OF_ROW),
+            Column("middle", "middle", UNIT_OF_ROW),
+            Column("highest", "highest", UNIT_OF_ROW),
             Column("of", "highest_of"),
             Column("records", "records"),
         ),
@@ -101,7 +101,7 @@ def _told(cell: Cell) -> Number | None:
     """Median of an estimate with the digits that its interval bears; None where there is none."""
     if not isinstance(cell, Estimate) or cell.median is None:
         return None
-    width = None if cell.q05 is None or cell.q95 is None else (cell.q95 - cell.q05) / NORMAL_90
+    width = None if cell.q05 is None or cell.q95 is None else (cell.q95 - cell.q05) / NORMAL_90_WIDTH
     sure = width is None or width < abs(cell.median)
     return Number(cell.median, cell.unit, width if sure else abs(cell.median))
 
@@ -150,7 +150,7 @@ def belief(r: RecordContent) -> str:
         return "no: not converged"
     if not r.adequate:
         return f"with care: {r.document.why[0].message}" if r.document.why else "with care"
-    if r.document.path.kind in TRIVIAL:
+    if r.document.path.kind in RIG_PATHS:
         return "yes, but the slope is that of the rig"
     beyond = [name for name, t in r.document.transformation.items() if not t.within_data]
     return f"yes; {' and '.join(beyond)} extrapolated" if beyond else "yes"
@@ -182,8 +182,8 @@ def _next_steps(content: Content) -> Iterator[str]:
     if backwards:
         names = list(dict.fromkeys(q.condition for q in backwards))
         yield (
-            f"{first_of(names, NAMED)}: the hysteresis is negative, cooling transforms hotter than heating. An alloy "
-            "does not do that; a thermometer that lags or sits elsewhere does: `sma-bayes gap` tests a lag"
+            f"{first_of(names, RECORDS_NAMED)}: the hysteresis is negative, cooling transforms hotter than heating. An "
+            "alloy does not do that; a thermometer that lags or sits elsewhere does: `sma-bayes gap` tests a lag"
         )
     for message, records in _by_message(content):
         yield f"{_names(records)}: {message}"
@@ -191,7 +191,9 @@ def _next_steps(content: Content) -> Iterator[str]:
         if finding.severity == "serious":
             where = f" ({', '.join(finding.conditions[:3])})" if finding.conditions else ""
             yield f"Check the measurements{where}: {finding.message}"
-    told = [r for r in content.converged if r.document.path.kind not in TRIVIAL and not r.stiffness_withheld]
+    told = [
+        r for r in content.converged if r.document.path.kind not in RIG_PATHS and not r.stiffness_withheld
+    ]
     some = next((r for r in told if r.channel("stiffness") is not None), None)
     if some is not None:
         channel = some.channel("stiffness")
@@ -237,7 +239,7 @@ def _asked_at(content: Content) -> Iterator[str]:
     """A question about the middle of a transformation, where there is no stiffness to ask for."""
     for r in content.converged:
         ends = [t.median for t in r.document.transformation.values() if t.median is not None]
-        if ends and r.document.path.kind not in TRIVIAL:
+        if ends and r.document.path.kind not in RIG_PATHS:
             middle = sum(ends) / len(ends)
             channel = next(iter(r.document.transformation.values())).channel
             yield (
@@ -260,7 +262,7 @@ def _by_message(content: Content) -> list[tuple[str, list[RecordContent]]]:
     """Records whose slope is that of the rig, by what is said of it; numbers are those of one record."""
     found: dict[str, list[RecordContent]] = {}
     for r in content.converged:
-        if r.document.path.kind in TRIVIAL:
+        if r.document.path.kind in RIG_PATHS:
             found.setdefault(r.document.path.kind, []).append(r)
     general = "the slope is that of the rig, not of the alloy (section 2.6)"
     said = {kind: {r.document.path.message for r in records} for kind, records in found.items()}

@@ -10,7 +10,7 @@ from typing import Final
 from sma_bayes.records.types import Record
 
 FOLDER: Final = "checkpoints"
-COSTLY: Final = 100_000
+COSTLY_EVALUATIONS: Final = 100_000
 """Evaluations of the log likelihood beyond which chains are kept when all is told. Fewer take a few seconds, as
 `--resume` does then; they need up to three times the room of all else that is known of a record."""
 
@@ -36,7 +36,7 @@ def remove_chains(folder: Path, groups: Iterable[Sequence[Record]], evaluations:
     taken = {chain_path(folder, group).stem: evaluations[group[0].key] for group in groups}
     for path in (folder / FOLDER).glob("*.h5"):
         whose = [name for name in taken if path.stem.startswith(f"{name}-")]
-        if whose and taken[max(whose, key=len)] <= COSTLY:
+        if whose and taken[max(whose, key=len)] <= COSTLY_EVALUATIONS:
             path.unlink(missing_ok=True)
     with suppress(OSError):  # chains that are kept, and somebody else's files, stay
         (folder / FOLDER).rmdir()

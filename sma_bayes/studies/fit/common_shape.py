@@ -20,11 +20,11 @@ from sma_bayes.sampling.importance import WeightedDraws, drawn, few_draws
 from sma_bayes.sampling.laplace import Mode, find_mode
 from sma_bayes.sampling.proposals import DrawSource
 
-LEAST: Final = 4
+LEAST_POSTERIORS: Final = 4
 """Posteriors that a shape is found of, at least."""
 COMPONENTS: Final = 4
 """Of the mixture that is fitted to their draws."""
-MORE: Final = 4
+EXTRA_DRAWS_FACTOR: Final = 4
 """Times as many draws where the first ones of the shape do not do: still far fewer than a proposal of its own takes."""
 
 
@@ -47,7 +47,7 @@ class CommonShape:
     def of(found: Sequence[WeightedDraws], rng: np.random.Generator) -> CommonShape | None:
         """Of draws of some of the posteriors; None where too few of them converged to one mode."""
         usable = [(f, f.modes[0]) for f in found if f.converged and len(f.modes) == 1]
-        if len(usable) < LEAST:
+        if len(usable) < LEAST_POSTERIORS:
             return None
         root = np.linalg.cholesky(np.mean([mode.covariance for _, mode in usable], axis=0))
         u = np.concatenate([np.linalg.solve(stretched(root, mode), (f.z - mode.z).T).T for f, mode in usable])
@@ -120,7 +120,7 @@ def refitted(
     if common is not None and mode is not None:
         proposal = AboutMode(common.shape, mode.z, stretched(common.root, mode))
         rng = np.random.default_rng(shape_seed)
-        for more in (1, MORE):
+        for more in (1, EXTRA_DRAWS_FACTOR):
             found = drawn(density, proposal, [mode], rng, more * size)
             if found.converged:
                 return found

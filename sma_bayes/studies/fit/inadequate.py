@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from sma_bayes.errors import first_of
 from sma_bayes.runs.fit_document import RecordSummary
 
-NAMED = 3
+RECORDS_NAMED = 3
 """Records that a sentence names."""
 
 
@@ -22,7 +22,7 @@ class ReasonGroup:
     @property
     def names(self) -> str:
         """The first records by name, and how many more there are."""
-        return first_of([r.key for r in self.records], NAMED)
+        return first_of([r.key for r in self.records], RECORDS_NAMED)
 
     @property
     def quoted(self) -> str:

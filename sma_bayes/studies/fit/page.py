@@ -34,7 +34,7 @@ from sma_bayes.studies.fit.methods import methods_text
 PACKAGE: Final = "sma_bayes.studies.fit"
 EVIDENCES_SHOWN: Final = 4
 """Noise models whose evidences have room beside one another on a page."""
-SHOWN: Final = 20
+ENTRIES_SHOWN: Final = 20
 """Entries of a list or a table that the report of a campaign of many records shows."""
 
 
@@ -144,7 +144,7 @@ def render(
     """
     return rendered(
         PACKAGE,
-        most=SHOWN if content.paged else None,
+        most=ENTRIES_SHOWN if content.paged else None,
         content=content,
         tables=tables,
         pictures=pictures,

@@ -8,11 +8,11 @@ from typing import Final
 
 from sma_bayes.latex import Tex, longtable, tex_row, tex_symbol, tex_unit
 from sma_bayes.report.content import INTERVAL, Content, ParameterResult, parameters_by_channel
-from sma_bayes.report.notation import NORMAL_90, write
+from sma_bayes.report.notation import NORMAL_90_WIDTH, write
 
-ACROSS: Final = 5
+PARAMETERS_ACROSS: Final = 5
 """Parameters that a table has side by side, so that it fits the width of a page."""
-SMALL, FINE = 0.1, 1e-4
+POWER_OF_TEN_BELOW, POWER_OF_TEN_SD_BELOW = 0.1, 1e-4
 """Numbers that small, of which one has a standard deviation that small, are written with a power of ten in the head."""
 
 
@@ -29,9 +29,9 @@ def _tables(content: Content) -> Iterator[str]:
     for part in content.by_units():
         for channel, names in parameters_by_channel(part.converged).items():
             called = next((c.name for c in part.channels if c.channel == channel), channel or "the response")
-            for first in range(0, len(names), ACROSS):
+            for first in range(0, len(names), PARAMETERS_ACROSS):
                 number += 1
-                yield _table(part, called, names[first : first + ACROSS], number)
+                yield _table(part, called, names[first : first + PARAMETERS_ACROSS], number)
 
 
 def _table(part: Content, called: str, names: Sequence[str], number: int) -> str:
@@ -57,7 +57,10 @@ def _power(parameters: Sequence[ParameterResult]) -> int:
     told = [p.estimate for p in parameters if p.estimate.median is not None]
     largest = max((abs(e.median) for e in told if e.median is not None), default=0.0)
     widths = [e.q95 - e.q05 for e in told if e.q05 is not None and e.q95 is not None]
-    if 0.0 < largest < SMALL and 0.0 < min(widths, default=0.0) < FINE * NORMAL_90:
+    if (
+        0.0 < largest < POWER_OF_TEN_BELOW
+        and 0.0 < min(widths, default=0.0) < POWER_OF_TEN_SD_BELOW * NORMAL_90_WIDTH
+    ):
         return 3 * math.floor(math.log10(largest) / 3.0)
     return write([largest]).exponent
 
@@ -76,7 +79,9 @@ def _cell(p: ParameterResult | None, power: int) -> Tex:
     middle, low, high = p.estimate.median, p.estimate.q05, p.estimate.q95
     if middle is None or low is None or high is None:
         return Tex("--")
-    digits = write([middle, high - middle, middle - low], (high - low) / NORMAL_90, exponent=power).digits
+    digits = write(
+        [middle, high - middle, middle - low], (high - low) / NORMAL_90_WIDTH, exponent=power
+    ).digits
     median, up, down = digits
     mark = r"\,$^\dagger$" if p.prior_driven else ""
     return Tex(f"${median}_{{-{down}}}^{{+{up}}}${mark}")

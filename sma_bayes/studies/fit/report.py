@@ -11,7 +11,7 @@ from pathlib import Path
 from sma_bayes.account import Account
 from sma_bayes.arrays import Floats
 from sma_bayes.report.assembly import written_tables
-from sma_bayes.report.choice import FEW, Drawn, ReportOptions
+from sma_bayes.report.choice import MAX_CONDITIONS_SHOWN, Drawn, ReportOptions
 from sma_bayes.report.content import Content, RecordContent
 from sma_bayes.report.drawn import FigureTask, draw_all
 from sma_bayes.report.figures.sheet import BranchData, Drawing, FigureFiles
@@ -142,7 +142,7 @@ def _of_campaign(folder: Path, content: Content, diagnostics: bool) -> Drawings:
 
 def _by_themselves(content: Content) -> bool:
     """Whether the report shows the loop of each condition."""
-    return not content.paged and len(content.conditions) <= FEW
+    return not content.paged and len(content.conditions) <= MAX_CONDITIONS_SHOWN
 
 
 def _branches(folder: Path, content: Content) -> dict[str, list[BranchData]]:
@@ -175,7 +175,7 @@ def _tasks(stored: StoredRun, content: Content, drawn: Drawn) -> list[FigureTask
         worst = sorted(
             missed, key=lambda r: max(m.share for m in r.document.discrepancy.values()), reverse=True
         )
-        missed = [] if content.paged else worst[:FEW]
+        missed = [] if content.paged else worst[:MAX_CONDITIONS_SHOWN]
     tasks += [
         FigureTask(partial(_of_discrepancy, folder, r, summaries[r.key], stored.summary.seed), r.key)
         for r in missed
@@ -183,7 +183,7 @@ def _tasks(stored: StoredRun, content: Content, drawn: Drawn) -> list[FigureTask
     checked = [r for r in summaries.values() if r.self_check is not None and r.self_check.quantities]
     if not everything:
         worst_first = sorted(checked, key=lambda r: r.self_check is not None and r.self_check.passed)
-        checked = [] if content.paged else worst_first[:FEW]
+        checked = [] if content.paged else worst_first[:MAX_CONDITIONS_SHOWN]
     tasks += [FigureTask(partial(_of_self_check, folder, r), r.key) for r in checked]
     if everything:
         tasks += [FigureTask(partial(_of_record, folder, r), r.key) for r in content.records]

@@ -63,19 +63,19 @@ from sma_bayes.studies.sensitivity.quantities import (
 )
 
 FOLDER: Final = "self_check"
-STANDARD: Final = 1000
+DEFAULT_REPLICATES: Final = 1000
 """Replicates unless another number is asked for."""
 DRAWS: Final = 500
 """Draws of each refit; the place of a truth among them is uniform however few there are."""
-BATCH: Final = 25
+REPLICATES_PER_TASK: Final = 25
 """Replicates of one task."""
-PILOTS: Final = 8
+PILOT_REPLICATES: Final = 8
 """Further replicates, of no other account, whose refits tell the shape that all have in common."""
-TIMED: Final = 2
+TIMED_REFITS: Final = 2
 """Refits of these that are made again with that shape, to tell what all will take."""
-FEWEST: Final = 20
+LEAST_REPLICATES: Final = 20
 """Replicates below which nothing is told."""
-LOST: Final = 0.05
+MAX_SHARE_LOST: Final = 0.05
 """Share of refits that may miss their target: what is left out might be what goes wrong."""
 
 
@@ -145,7 +145,7 @@ class RecordRanks:
 
 
 def replicates_asked(self_check: bool | int) -> int:
-    """How many replicates are asked for: none, `STANDARD`, or a number.
+    """How many replicates are asked for: none, `DEFAULT_REPLICATES`, or a number.
 
     Raises
     ------
@@ -153,12 +153,12 @@ def replicates_asked(self_check: bool | int) -> int:
         If it is a number out of range.
     """
     if isinstance(self_check, bool):
-        return STANDARD if self_check else 0
-    if self_check and not FEWEST <= self_check <= REPLICATES.value:
+        return DEFAULT_REPLICATES if self_check else 0
+    if self_check and not LEAST_REPLICATES <= self_check <= REPLICATES.value:
         raise SmaBayesError(
             f"self_check={self_check}",
-            expected=f"True, False, or a number of replicates from {FEWEST} to {REPLICATES.value:.0f}",
-            remedy=f"leave it at True for {STANDARD}",
+            expected=f"True, False, or a number of replicates from {LEAST_REPLICATES} to {REPLICATES.value:.0f}",
+            remedy=f"leave it at True for {DEFAULT_REPLICATES}",
         )
     return self_check
 
@@ -218,14 +218,14 @@ def tasks_of(draws: RecordDraws, stiffness: bool, replicates: int, seed: int) ->
     """Replicates of one record, shared out; truths are taken evenly from its draws."""
     at = np.linspace(0, draws.size, replicates, endpoint=False).astype(int)
     return [
-        _task(draws, stiffness, at[first : first + BATCH], (seed, 12, first))
-        for first in range(0, replicates, BATCH)
+        _task(draws, stiffness, at[first : first + REPLICATES_PER_TASK], (seed, 12, first))
+        for first in range(0, replicates, REPLICATES_PER_TASK)
     ]
 
 
 def pilot_task(draws: RecordDraws, stiffness: bool, seed: int) -> ReplicateTask:
     """Replicates whose refits tell what those of all others are like."""
-    at = np.linspace(0, draws.size, PILOTS, endpoint=False).astype(int)
+    at = np.linspace(0, draws.size, PILOT_REPLICATES, endpoint=False).astype(int)
     return _task(draws, stiffness, at, (seed, 13))
 
 
@@ -289,11 +289,11 @@ def first_refits(task: ReplicateTask) -> FirstRefits:
 
 
 def seconds_of_a_refit(task: ReplicateTask) -> float:
-    """Processor time of a refit [s], by `TIMED` of a task."""
-    few = task.first(TIMED)
+    """Processor time of a refit [s], by `TIMED_REFITS` of a task."""
+    few = task.first(TIMED_REFITS)
     begun = time.process_time()
     ranked(few)
-    return (time.process_time() - begun) / TIMED
+    return (time.process_time() - begun) / TIMED_REFITS
 
 
 def ranked(task: ReplicateTask) -> RecordRanks:
@@ -327,7 +327,7 @@ def ranked(task: ReplicateTask) -> RecordRanks:
 
 def summarised(ranks: RecordRanks, replicates: int) -> SelfCheckSummary:
     """What the ranks of one record say."""
-    if len(ranks.u) < FEWEST:
+    if len(ranks.u) < LEAST_REPLICATES:
         return SelfCheckSummary(
             replicates=replicates, failed=ranks.failed, false_alarm_rate=FALSE_ALARMS, passed=False
         )
@@ -337,7 +337,7 @@ def summarised(ranks: RecordRanks, replicates: int) -> SelfCheckSummary:
         replicates=replicates,
         failed=ranks.failed,
         false_alarm_rate=FALSE_ALARMS,
-        passed=not wrong.any() and ranks.failed <= LOST * replicates,
+        passed=not wrong.any() and ranks.failed <= MAX_SHARE_LOST * replicates,
         quantities=tuple(
             RankSummary.about(
                 q,

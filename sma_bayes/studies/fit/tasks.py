@@ -20,7 +20,7 @@ from sma_bayes.fitting.fit_records import fit_records
 from sma_bayes.progress import lines_about
 from sma_bayes.records.types import Branch, Record
 from sma_bayes.response import AUTO_MODEL
-from sma_bayes.runs.documents import MARK
+from sma_bayes.runs.documents import RUN_MARKER
 from sma_bayes.runs.fit_document import RecordSummary
 from sma_bayes.runs.jobs import by_the_clock, run
 from sma_bayes.runs.outputs import band_path
@@ -31,14 +31,14 @@ from sma_bayes.studies.fit.parts import Part, part_path, read_part, write_part
 from sma_bayes.studies.fit.summary import record_summary
 from sma_bayes.studies.options import DEFAULT_SAMPLER, FitOptions, models_of, plan_for
 
-WHOLE_CONDITIONS = 20
+CONDITION_TASKS_FROM = 20
 """Number of conditions from which on a task is a condition with its branches. With fewer, a branch is a task: that
 keeps more processes busy, but sends all draws to the process that joins the branches."""
 
-LONG_S = 10.0
+LONG_RECORD_S = 10.0
 """Expected time from which a record gets a process at once [s]. Of fewer samples many take a tenth of what is expected,
 less than two processes take to start: two of 200 took 4.1 s of processor time here, 6.8 s on processes."""
-OF_A_RECORD_S, OF_A_CURVE_S, OF_SAMPLES_S = 0.1, 1.0, 2e-4
+RECORD_S, CURVE_S, SAMPLES_S = 0.1, 1.0, 2e-4
 """Processor time of a record: a constant, that of a curve where several are tried, and what grows with the square of
 its samples, since the more there are the richer is the noise that they ask for [s]. Fifteen fits of real and simulated
 campaigns, 28 to 400 samples a record, that took more than ten seconds did so within a factor of three."""
@@ -63,7 +63,7 @@ class FitTask:
         """Whether it is not expected to be worth a process of its own."""
         o = self.options
         plain = o.plan.sampler == SAMPLERS[DEFAULT_SAMPLER] and o.model != AUTO_MODEL
-        return plain and _alone_s(self.records, o) <= LONG_S
+        return plain and _alone_s(self.records, o) <= LONG_RECORD_S
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,8 +123,8 @@ def expected_s(groups: Sequence[tuple[Record, ...]], options: FitOptions, jobs: 
 def _alone_s(group: Sequence[Record], options: FitOptions) -> float:
     """What one fit is expected to take by itself [s]."""
     curves, samples = len(models_of(group, options)), sum(r.n for r in group)
-    constant = OF_A_CURVE_S if curves > 1 else OF_A_RECORD_S
-    return curves * (constant + OF_SAMPLES_S * samples**2)
+    constant = CURVE_S if curves > 1 else RECORD_S
+    return curves * (constant + SAMPLES_S * samples**2)
 
 
 def fitted(
@@ -143,7 +143,7 @@ def fitted(
     groups : sequence of tuple of Record
     options : FitOptions
     folder : Path
-        That holds the mark of the run, `MARK`.
+        That holds the mark of the run, `RUN_MARKER`.
     jobs : int, optional
         See `run`.
     account : Account
@@ -160,7 +160,7 @@ def fitted(
     """
     tasks = tasks_of(groups, options, folder, lines, doubted)
     conditions = _by_condition(tasks)
-    if options.pool == "none" and len(conditions) >= WHOLE_CONDITIONS:
+    if options.pool == "none" and len(conditions) >= CONDITION_TASKS_FROM:
         yield from _by_whole_conditions(conditions, folder, jobs, account)
         return
     assessed = []
@@ -226,7 +226,7 @@ def _assess_task(task: FitTask) -> _Assessed:
     """Sample, assess and write one posterior."""
     if task.folder is None:
         raise SmaBayesError("no folder to write to")
-    if not (task.folder / MARK).is_file():
+    if not (task.folder / RUN_MARKER).is_file():
         raise OutputError(
             "is not the folder of the run, as seen by a worker",
             file=task.folder,

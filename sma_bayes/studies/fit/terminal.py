@@ -14,20 +14,20 @@ from sma_bayes.assess.adequacy import remedy
 from sma_bayes.errors import first_of, many
 from sma_bayes.quantities import unit_text
 from sma_bayes.records.plausibility import DOUBTS
-from sma_bayes.report.choice import MANY
-from sma_bayes.report.screen import SHOWN, screen, show_end, what_helps
+from sma_bayes.report.choice import CAMPAIGN_REPORT_ABOVE
+from sma_bayes.report.screen import ENTRIES_SHOWN, screen, show_end, what_helps
 from sma_bayes.runs.fit_document import FitSummary, OptionsSummary, RecordSummary
-from sma_bayes.studies.fit.inadequate import NAMED, reason_groups
+from sma_bayes.studies.fit.inadequate import RECORDS_NAMED, reason_groups
 
 COLUMNS = (
     "record", "n", "noise", "converged", "adequate", "worst R-hat", "least ESS", "r", "not identified"
 )  # fmt: skip
 UNBROKEN = ("record", "converged", "adequate")
-WIDE, LEFT_OUT = 110, ("n", "r")
+ALL_COLUMNS_WIDTH, LEFT_OUT = 110, ("n", "r")
 """Width from which a screen shows all columns [characters], and what a narrower one leaves to the report."""
 LAST_LEFT_OUT = ("not identified", "noise", "least ESS", "worst R-hat")
 """What is left to the report, one after the other, where names of records are long: they are never shortened."""
-OTHERS = 10
+OTHER_COLUMN_CHARACTERS = 10
 """Room that any other column takes [characters]."""
 
 
@@ -35,7 +35,7 @@ def show_fit(summary: dict[str, Any], out: Path) -> None:
     """Tell what `summary.json` says."""
     found = FitSummary.model_validate(summary)
     console = screen()
-    narrow = console.width < WIDE
+    narrow = console.width < ALL_COLUMNS_WIDTH
     table = Table(
         title=f"{found.campaign}, seed {found.seed}",
         title_justify="left",
@@ -77,7 +77,10 @@ def show_fit(summary: dict[str, Any], out: Path) -> None:
     alone = [f for f in found.findings if f.kind == "one-branch"]
     doubtful = [f for f in found.findings if f.kind in DOUBTS]
     console.tell(
-        *(f"{finding.condition}: {finding.message}" for finding in (*alone[:SHOWN], *doubtful[:SHOWN]))
+        *(
+            f"{finding.condition}: {finding.message}"
+            for finding in (*alone[:ENTRIES_SHOWN], *doubtful[:ENTRIES_SHOWN])
+        )
     )
     if found.findings:
         findings, rows = (
@@ -90,15 +93,15 @@ def show_fit(summary: dict[str, Any], out: Path) -> None:
         names = [r.key for r in failed]
         whose = "Their" if len(names) > 1 else "Its"
         console.tell(
-            f"NOT CONVERGED: {first_of(names, SHOWN)}. {whose} numbers must not be relied on; {_slowest(failed)}"
-            f"{what_helps([r.noise.name for r in failed])}."
+            f"NOT CONVERGED: {first_of(names, ENTRIES_SHOWN)}. {whose} numbers must not be relied on; "
+            f"{_slowest(failed)}{what_helps([r.noise.name for r in failed])}."
         )
         unseen = [
             f
             for f in found.findings
             if f.kind == "no-transformation" and f"{f.condition}-{f.branch}" in names
         ]
-        console.tell(*(f"{finding.condition}: {finding.message}" for finding in unseen[:SHOWN]))
+        console.tell(*(f"{finding.condition}: {finding.message}" for finding in unseen[:ENTRIES_SHOWN]))
     console.tell(*thermometer_sentences(found.records))
     console.tell(*adequacy_sentences(found.records, found.options))
     console.tell(*self_check_sentences(found.records))
@@ -129,12 +132,12 @@ def _number(value: float | None) -> str:
 
 def _columns_beside(keys: Sequence[str], width: int) -> list[str]:
     """Columns that have room beside the names of the records."""
-    if width >= WIDE:
+    if width >= ALL_COLUMNS_WIDTH:
         return list(COLUMNS)
     names = [name for name in COLUMNS if name not in LEFT_OUT]
     room = width - max(map(len, keys), default=0)
     for name in LAST_LEFT_OUT:
-        if OTHERS * (len(names) - 1) > room:
+        if OTHER_COLUMN_CHARACTERS * (len(names) - 1) > room:
             names.remove(name)
     return names
 
@@ -179,9 +182,9 @@ def thermometer_sentences(records: Sequence[RecordSummary]) -> list[str]:
     unit = unit_text(estimated[0].unit)
     size = f"{min(sizes):.2g}" if len(sizes) == 1 else f"{min(sizes):.2g} to {max(sizes):.2g}"
     return [
-        f"The scatter of {first_of([r.key for r in seen], NAMED)} follows the slope of the curve, as an error of the "
-        f"thermometer of {size} {unit} from reading to reading makes it; intervals count it. Where its size is known, "
-        "declare it: `sd = ...` with the column of temperature."
+        f"The scatter of {first_of([r.key for r in seen], RECORDS_NAMED)} follows the slope of the curve, as an error "
+        f"of the thermometer of {size} {unit} from reading to reading makes it; intervals count it. Where its size is "
+        "known, declare it: `sd = ...` with the column of temperature."
     ]
 
 
@@ -203,7 +206,7 @@ def self_check_sentences(records: Sequence[RecordSummary]) -> Iterator[str]:
         if not c.passed:
             wrong = [q.name for q in c.quantities if not q.uniform]
             why = (
-                f"ranks of {first_of(wrong, NAMED)} are not uniform"
+                f"ranks of {first_of(wrong, RECORDS_NAMED)} are not uniform"
                 if wrong
                 else f"{c.failed} of {c.replicates} refits missed their target"
             )
@@ -216,6 +219,6 @@ def _worth_a_row(records: Sequence[RecordSummary]) -> Sequence[RecordSummary]:
     def worst_rhat(r: RecordSummary) -> float:
         return max((p.rhat or 0.0 for p in r.parameters.values()), default=0.0)
 
-    if len(records) <= MANY:
+    if len(records) <= CAMPAIGN_REPORT_ABOVE:
         return records
-    return sorted(records, key=lambda r: (r.converged, -worst_rhat(r)))[:SHOWN]
+    return sorted(records, key=lambda r: (r.converged, -worst_rhat(r)))[:ENTRIES_SHOWN]

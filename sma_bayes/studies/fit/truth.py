@@ -9,7 +9,7 @@ import numpy as np
 from sma_bayes.records.types import Branch
 from sma_bayes.report.content import Content, Estimate, KnownTruth, Number, RecordContent
 from sma_bayes.report.notation import unit_label
-from sma_bayes.report.tables import OF_ROW, Column, Table, table_of
+from sma_bayes.report.tables import UNIT_OF_ROW, Column, Table, table_of
 from sma_bayes.runs.fit_document import FitFindings
 from sma_bayes.runs.outputs import StoredBand, StoredRun, band_of
 from sma_bayes.simulated.campaign import LOADS, SOURCE, log_of, truth_of
@@ -93,8 +93,8 @@ def truth_table(content: Content) -> Table:
             Column("halfway at", "halfway", content.truth[0].temperature_unit),
             lambda k, fit: Number(k.middle, k.temperature_unit, 0.1),
         ),
-        (Column("truth", "true", OF_ROW), lambda k, fit: Number(k.true, k.unit, _width(fit))),
-        (Column("posterior", "fit", OF_ROW), lambda k, fit: fit),
+        (Column("truth", "true", UNIT_OF_ROW), lambda k, fit: Number(k.true, k.unit, _width(fit))),
+        (Column("posterior", "fit", UNIT_OF_ROW), lambda k, fit: fit),
         grouped=2,
     )
 

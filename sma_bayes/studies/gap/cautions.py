@@ -6,15 +6,15 @@ from collections.abc import Iterator, Sequence
 
 from sma_bayes.effects import EFFECTS
 from sma_bayes.report.notation import unit_label
-from sma_bayes.studies.gap.flexible import SHAPE
+from sma_bayes.studies.gap.flexible import SHAPE_COVARIATE
 from sma_bayes.studies.gap.schema import AddedEffect, GapOfModel, StatedGap, StatedRemaining
 from sma_bayes.studies.gap.words import channel_text, p_text, remainder_text
 
-MOSTLY = 0.5
+MOSTLY_CLOSED_SHARE = 0.5
 """Share of the held-out gap below which what was named leaves most of it open."""
-STILL_OPEN = 1.1
+OPEN_GAP_SDS = 1.1
 """Held-out gap from which on more than noise is left [standard deviations of the noise]."""
-UNLIKE = 1e-3
+UNLIKE_SPECTRUM_P = 1e-3
 """Probability, over all channels, at which a spectrum counts as unlike the model of the noise."""
 LONG_MEMORY = 0.95
 """Correlation of neighbouring samples from which on the noise may well be misfit."""
@@ -53,7 +53,7 @@ def _about_two_loads(found: GapOfModel) -> Iterator[str]:
         )
 
 
-OF_CYCLES = ("training", "training_drift", "amplitude_fatigue")
+CYCLE_EFFECTS = ("training", "training_drift", "amplitude_fatigue")
 """Effects that are laws of the cycle."""
 
 
@@ -62,7 +62,7 @@ def _about_sweeps(found: GapOfModel) -> list[str]:
     law = found.sweeps.law
     if law is None or not found.sweeps.numbers:
         return []
-    named = [e.id for e in found.effects if e.id in OF_CYCLES]
+    named = [e.id for e in found.effects if e.id in CYCLE_EFFECTS]
     if law.untestable.startswith("not testable"):
         return [f"Whether sweeps differ by a law of the cycle or by chance is {law.untestable}."]
     if law.untestable:
@@ -101,7 +101,7 @@ def _about_names(found: GapOfModel) -> list[str]:
 
 
 def _about_what_is_left(left: StatedRemaining) -> str:
-    if left.covariate == SHAPE and left.channel != "temperature":
+    if left.covariate == SHAPE_COVARIATE and left.channel != "temperature":
         return (
             "That is the shape of the curve, the same in every cycle and condition; --model offers richer ones "
             "('sma-bayes priors --list')."
@@ -112,12 +112,12 @@ def _about_what_is_left(left: StatedRemaining) -> str:
 def _about_closing(gap: StatedGap) -> list[str]:
     if gap.before <= gap.floor:
         return []
-    if gap.shrink < MOSTLY:
+    if gap.shrink < MOSTLY_CLOSED_SHARE:
         return [
             f"What was named closes {100.0 * gap.shrink:.0f} % of what can be explained on held-out measurements: "
             "most of it is still open, or the effects do not carry over to what was held out."
         ]
-    if gap.after > STILL_OPEN:
+    if gap.after > OPEN_GAP_SDS:
         return [
             f"Held-out residuals are still {gap.after:.2f} times what noise alone would leave, so what was named is "
             "not all that is missing there."
@@ -152,7 +152,7 @@ def _about_spectrum(found: GapOfModel) -> list[str]:
     unlike = [
         (n, n.spectrum)
         for n in found.noise
-        if n.spectrum is not None and n.spectrum.p_value <= UNLIKE / len(found.noise)
+        if n.spectrum is not None and n.spectrum.p_value <= UNLIKE_SPECTRUM_P / len(found.noise)
     ]
     if not unlike:
         return []

@@ -12,7 +12,7 @@ from sma_bayes.quantities import ARBITRARY
 from sma_bayes.records.history import History
 from sma_bayes.records.types import Branch, Campaign, Record
 
-LEAST = 24
+LEAST_SAMPLES = 24
 """Samples of a condition, at least: its curve, and the functions beside which its noise is estimated, use up fewer."""
 
 ByCondition = Mapping[str, Sequence[Record]]
@@ -50,10 +50,10 @@ def comparable(campaign: Campaign) -> Comparable:
     remarks = other_units + less
     for name, records in conditions.items():
         samples = sum(r.n for r in records)
-        if samples < LEAST:
+        if samples < LEAST_SAMPLES:
             raise MeasurementError(
                 f"condition {name!r} has {samples} samples",
-                expected=f"at least {LEAST}, both branches together, so that a pattern can be told from noise",
+                expected=f"at least {LEAST_SAMPLES}, both branches together, so that a pattern can be told from noise",
                 remedy="leave the condition out, or measure more finely",
             )
         if len({r.branch for r in records}) < len(Branch):

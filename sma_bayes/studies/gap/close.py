@@ -19,16 +19,16 @@ from sma_bayes.effects.types import Effect
 from sma_bayes.records.history import History
 from sma_bayes.runs.jobs import run
 from sma_bayes.studies.gap.fitting import FittedHypothesis, fit_hypothesis, fit_with_noise, measured, stacked
-from sma_bayes.studies.gap.flexible import SIZES, Term, TermEvidence, gains, terms_of
+from sma_bayes.studies.gap.flexible import COEFFICIENT_SD_GRID, Term, TermEvidence, gains, terms_of
 from sma_bayes.studies.gap.hypothesis import Hypothesis
 from sma_bayes.studies.gap.name import Candidate
 from sma_bayes.studies.gap.noise import Noise, blocks_of, whiten
-from sma_bayes.studies.gap.study import SIGNIFICANT, GapStudy, study_from
+from sma_bayes.studies.gap.study import SIGNIFICANT_P, GapStudy, study_from
 
-NOISE_ALONE = 1.0
+NOISE_ONLY_RMS = 1.0
 """Root mean square of innovations without any gap, in standard deviations of the noise."""
 FOLDS = 3
-STRETCHES = 12
+HELD_OUT_STRETCHES = 12
 """Stretches of a sweep that are dealt out where there is only one cycle and no other condition."""
 
 Masks = tuple[NDArray[np.bool_], ...]
@@ -71,7 +71,7 @@ def way_to_noise(before: float, after: float) -> float:
     >>> round(way_to_noise(5.47, 5.15), 3), way_to_noise(0.99, 0.98)
     (0.072, 0.0)
     """
-    return (before - after) / (before - NOISE_ALONE) if before > NOISE_ALONE else 0.0
+    return (before - after) / (before - NOISE_ONLY_RMS) if before > NOISE_ONLY_RMS else 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -133,7 +133,7 @@ def folds_of(histories: Sequence[History], *, pooled: bool) -> tuple[list[Masks]
         named = "conditions, a third at a time"
     else:
         ranks = [_stretches(h) for h in histories]
-        named = f"each sweep in {STRETCHES} stretches, a third of them at a time"
+        named = f"each sweep in {HELD_OUT_STRETCHES} stretches, a third of them at a time"
     return [tuple(r % FOLDS == fold for r in ranks) for fold in range(FOLDS)], named
 
 
@@ -142,7 +142,7 @@ def _stretches(history: History) -> NDArray[np.intp]:
     segment = history.inputs["segment"]
     for s in np.unique(segment):
         on = np.flatnonzero(segment == s)
-        out[on] = np.arange(on.size) * STRETCHES // on.size
+        out[on] = np.arange(on.size) * HELD_OUT_STRETCHES // on.size
     return out
 
 
@@ -208,8 +208,8 @@ def close(
     count = sum(float(f.channels[c][0]) for f in found for c in f.channels)
     rms = np.sqrt(np.sum([f.squares for f in found], axis=0) / max(count, 1.0))
     floor = min(float(rms[1]), float(rms[2]))
-    if study.left.p_value <= SIGNIFICANT:
-        floor = min(floor, NOISE_ALONE)
+    if study.left.p_value <= SIGNIFICANT_P:
+        floor = min(floor, NOISE_ONLY_RMS)
     return Gap(float(rms[0]), float(rms[1]), floor, named, tuple(f.chosen for f in found), channels)
 
 
@@ -309,8 +309,8 @@ def _with_flexible(
     projected = train.project_out(whitened)
     a, b = whitened.T @ projected, projected.T @ train.whitened
     information, axes = np.linalg.eigh(a)
-    sizes = [_evidence(axes.T @ b, np.maximum(information, 0.0), s) for s in SIZES]
-    size = float(SIZES[int(np.argmax(sizes))])
+    sizes = [_evidence(axes.T @ b, np.maximum(information, 0.0), s) for s in COEFFICIENT_SD_GRID]
+    size = float(COEFFICIENT_SD_GRID[int(np.argmax(sizes))])
     coefficients = axes @ ((axes.T @ b) / (np.maximum(information, 0.0) + size**-2.0))
     pull = train.jacobian.T @ (train.whitened - whitened @ coefficients)
     z = train.z + np.linalg.solve(train.precision, pull)

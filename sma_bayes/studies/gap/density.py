@@ -23,8 +23,8 @@ from sma_bayes.sampling.shape import NormalShape
 from sma_bayes.studies.gap.effect_coordinates import FollowingCoordinates
 from sma_bayes.studies.gap.fitting import FittedHypothesis
 
-EXPLORE = 50
-EVALUATIONS = 400_000
+EXPLORATION_STEPS = 50
+MAX_EVALUATIONS = 400_000
 """Steps of a block of exploration, and the greatest effort: whole histories with their effects take a thousand times as
 long to predict as one curve, so less is spent, and draws that do not converge by then are called so."""
 
@@ -104,8 +104,8 @@ def sample_hypothesis(
     """
     plan = Plan(
         target=target or Target(),
-        explore_block=EXPLORE,
-        evaluations=EVALUATIONS,
+        explore_block=EXPLORATION_STEPS,
+        evaluations=MAX_EVALUATIONS,
         greatest_weight=GREATEST_WEIGHT,
     )
     density = HypothesisDensity(fitted)

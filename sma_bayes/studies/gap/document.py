@@ -14,16 +14,16 @@ from sma_bayes.parameters.distributions import family_name, numbers
 from sma_bayes.records.history import History
 from sma_bayes.runs.declared_units import Shown
 from sma_bayes.studies.gap.cautions import cautions
-from sma_bayes.studies.gap.close import NOISE_ALONE, Gap
+from sma_bayes.studies.gap.close import NOISE_ONLY_RMS, Gap
 from sma_bayes.studies.gap.fitting import FittedHypothesis, nearest
 from sma_bayes.studies.gap.flexible import FlexibleTerms, TermWorth, worth_of
 from sma_bayes.studies.gap.heating import heat_parameters
 from sma_bayes.studies.gap.locate import Disagreement
 from sma_bayes.studies.gap.name import (
-    BEYOND,
-    CARRIED_BESIDE,
-    MISSHAPEN,
-    WORTH,
+    LEAST_LN_BAYES_FACTOR,
+    LEAST_SHARE_BESIDE_FLEXIBLE,
+    LEAST_SHARE_BEYOND_SHAPE,
+    MISFIT_LN_BAYES_FACTOR,
     Candidate,
     EvidenceBeside,
     share_of,
@@ -55,10 +55,10 @@ from sma_bayes.studies.gap.schema import (
 )
 from sma_bayes.studies.gap.shown import part_in_declared_units
 from sma_bayes.studies.gap.study import (
-    APART,
-    CARRIED,
-    FURTHER,
-    SIGNIFICANT,
+    LEAST_FURTHER_SHARE,
+    LEAST_SHARE_CARRIED,
+    LN_BAYES_FACTOR_TOLD_APART,
+    SIGNIFICANT_P,
     GapStudy,
     Step,
 )
@@ -69,14 +69,14 @@ METRIC: Final = (
     "1 where only noise is left"
 )
 THRESHOLDS: Final = GapThresholds(
-    p_value=SIGNIFICANT,
-    ln_bayes_factor=WORTH,
-    ln_bayes_factor_apart=APART,
-    unexplained_share=round(1.0 - CARRIED, 6),
-    share_beside=CARRIED_BESIDE,
-    share_beyond_shape=BEYOND,
-    ln_bayes_factor_shape=MISSHAPEN,
-    further_share=FURTHER,
+    p_value=SIGNIFICANT_P,
+    ln_bayes_factor=LEAST_LN_BAYES_FACTOR,
+    ln_bayes_factor_apart=LN_BAYES_FACTOR_TOLD_APART,
+    unexplained_share=round(1.0 - LEAST_SHARE_CARRIED, 6),
+    share_beside=LEAST_SHARE_BESIDE_FLEXIBLE,
+    share_beyond_shape=LEAST_SHARE_BEYOND_SHAPE,
+    ln_bayes_factor_shape=MISFIT_LN_BAYES_FACTOR,
+    further_share=LEAST_FURTHER_SHARE,
 )
 
 
@@ -140,7 +140,7 @@ def _gap(gap: Gap, fitted: FittedHypothesis) -> StatedGap:
     return StatedGap.about(
         gap,
         metric=METRIC,
-        noise=NOISE_ALONE,
+        noise=NOISE_ONLY_RMS,
         channels={c: StatedChannelGap.about(of, unit=units[c]) for c, of in gap.channels.items()},
         chosen_without=tuple(tuple(c) for c in gap.chosen),
     )

@@ -20,9 +20,9 @@ from sma_bayes.effects.types import Effect
 from sma_bayes.studies.gap.fitting import FittedHypothesis, added_by
 from sma_bayes.studies.gap.splines import bspline_basis, grouped, indicators, row_tensor_product
 
-ASTRAY = 0.5
+FORM_SHARE_SD = 0.5
 """Standard deviation of the share by which a mechanism may differ from its formula."""
-LATER = 3.0
+DELAY_SD = 3.0
 """Standard deviation of how much later it may act [samples]."""
 
 
@@ -49,8 +49,8 @@ class EffectForms:
         for effect in fitted.hypothesis.effects if self.of is None else self.of:
             added = added_by(effect, fitted.hypothesis, fitted.blocks, fitted.theta)
             later = np.concatenate([_rate_of_change(added[b.at]) for b in fitted.blocks])
-            found.append(ASTRAY * added[:, None] * modulations)
-            found.append(LATER * later[:, None] * modulations)
+            found.append(FORM_SHARE_SD * added[:, None] * modulations)
+            found.append(DELAY_SD * later[:, None] * modulations)
         return fitted.project_out(fitted.whiten(np.concatenate(found, axis=1).T).T)
 
     @cached_property

@@ -16,9 +16,9 @@ from sma_bayes.arrays import Floats
 from sma_bayes.studies.gap.fitting import FittedHypothesis, held_at
 
 Inputs = Mapping[str, Floats]
-ENOUGH = 5.0
+ENOUGH_SEPARATION = 5.0
 """Separation [standard deviations] that an experiment should give."""
-NOTHING = 0.5
+HOPELESS_SEPARATION = 0.5
 """Separation below which no number of repeats that anybody makes would help."""
 
 
@@ -56,10 +56,10 @@ class ProposedExperiment:
     separation: float
 
     def __str__(self) -> str:
-        if self.separation < NOTHING:
+        if self.separation < HOPELESS_SEPARATION:
             best = f"the best, {self.design.title}, by {self.separation:.1f} sigma"
             return f"none of the designs that were tried ({best})"
-        enough = "" if self.separation >= ENOUGH else ", which may not be enough: repeat it"
+        enough = "" if self.separation >= ENOUGH_SEPARATION else ", which may not be enough: repeat it"
         return f"{self.design.title} (expected separation {self.separation:.1f} sigma{enough})"
 
 

@@ -15,11 +15,11 @@ from sma_bayes.effects.types import Effect
 from sma_bayes.parameters.distributions import LogNormal
 from sma_bayes.studies.gap.fitting import FittedHypothesis, climbed
 
-STRONG = 100.0
+STRONG_LN_BAYES_FACTOR = 100.0
 """Log Bayes factor of the best flexible term from which on signatures are not relied upon."""
-SIZES = {True: (0.5, 0.9), False: (0.2, 0.8)}
+START_QUANTILES = {True: (0.5, 0.9), False: (0.2, 0.8)}
 """Quantiles of the prior at which sizes begin: those of one sign, those of either."""
-STEPS = 4
+FIT_STEPS = 4
 """Steps of each fit, after as many in which the curve alone makes room for the effect."""
 
 
@@ -38,11 +38,11 @@ def gained_in_steps(fitted: FittedHypothesis, effect: Effect, start: Floats) -> 
     extended = fitted.hypothesis.extended(effect)
     prior = effect.parameters(extended.scales)[0].prior
     place, begin = fitted.z.size, [start]
-    for q in SIZES[isinstance(prior, LogNormal)]:
+    for q in START_QUANTILES[isinstance(prior, LogNormal)]:
         z = start.copy()
         z[:place] = fitted.z
         z[place] = float(prior.transform.unconstrain(prior.quantile(np.array(q))))
         begin.append(z)
-    found = [climbed(extended, z, fitted.noise, STEPS, start.size - place) for z in begin]
+    found = [climbed(extended, z, fitted.noise, FIT_STEPS, start.size - place) for z in begin]
     z, value = max(found, key=lambda f: f[1])
     return value - fitted.log_likelihood, z

@@ -23,21 +23,21 @@ from sma_bayes.parameters.space import ParameterSpace
 from sma_bayes.studies.gap.hypothesis import Hypothesis
 from sma_bayes.studies.gap.noise import BlockNoise, ChannelBlock, Noise, blocks_of, noise_of, whiten
 
-SETTLED = 5e-3
+MODE_TOLERANCE = 5e-3
 """Gain of the log posterior in a step below which the mode is found, where residuals are as large as the noise.
 
 Evidence is not known better than that."""
-STEP = 1e-4
+DIFFERENCE_STEP = 1e-4
 """Step of finite differences, in standard deviations of the prior."""
-SMALLEST = 1e-9
+RELATIVE_TOLERANCE = 1e-9
 """Relative step, and gradient, below which it is found too."""
 LONG_MEMORY = 0.95
 """Correlation of neighbouring samples from which on noise is mostly misfit."""
-ROUNDS = 8
+MAX_NOISE_ROUNDS = 8
 """Greatest number of times that noise and parameters are fitted in turn; once or twice is the rule."""
-MOST_STEPS = 60
+MAX_STEPS = 60
 """Greatest number of steps to a mode."""
-CHUNK = 1 << 17
+CHUNK_SAMPLES = 1 << 17
 """Samples times parameter vectors that are evaluated at a time."""
 
 
@@ -109,7 +109,7 @@ class FittedHypothesis:
 
     def batches(self, rows: int) -> Iterator[slice]:
         """Parts of a batch of parameter vectors of which all samples are predicted at a time."""
-        return batches(rows, self.whitened.size, CHUNK)
+        return batches(rows, self.whitened.size, CHUNK_SAMPLES)
 
     def whiten(self, series: Floats) -> Floats:
         """Stacked series (..., N) as innovations of unit variance."""
@@ -211,7 +211,7 @@ def fit_with_noise(hypothesis: Hypothesis, start: Floats) -> FittedHypothesis:
     z = np.asarray(start, dtype=float)
     noise = problem.noise(z)
     tried = []
-    for _ in range(ROUNDS):
+    for _ in range(MAX_NOISE_ROUNDS):
         z = problem.climb(z, noise)
         before, noise = noise, problem.noise(z)
         if all(
@@ -255,7 +255,7 @@ class _PriorRows:
     def __init__(self, space: ParameterSpace, width: Floats) -> None:
         self.space, self.centre, self.step = space, space.prior_centre(), 1e-3 * width
         self.mode = self.centre.copy()
-        for _ in range(MOST_STEPS):
+        for _ in range(MAX_STEPS):
             up, here, down = (self._each(self.mode + by * self.step) for by in (1.0, 0.0, -1.0))
             curvature = np.minimum(up + down - 2.0 * here, -1e-9)
             move = np.clip(0.5 * (down - up) / curvature, -1e3, 1e3)
@@ -313,7 +313,7 @@ class _PosteriorMode:
     def _differences(self, z: Floats) -> Floats:
         out = np.zeros((self.y.size, z.size))
         for i, columns in enumerate(self.columns):
-            h = STEP * self.width[columns]
+            h = DIFFERENCE_STEP * self.width[columns]
             shifted = np.tile(z, (2 * columns.size, 1))
             rows = np.arange(columns.size)
             shifted[rows, columns] += h
@@ -339,7 +339,7 @@ class _PosteriorMode:
         w = whiten(self.blocks, noise, self.residual(z))
         return float(-0.5 * w @ w - sum(n.log_scale for n in noise) - HALF_LN_2PI * w.size)
 
-    def climb(self, z: Floats, noise: Noise, steps: int = MOST_STEPS, free: int | None = None) -> Floats:
+    def climb(self, z: Floats, noise: Noise, steps: int = MAX_STEPS, free: int | None = None) -> Floats:
         """Mode of the posterior at fixed noise in so many coordinates from the first on; the others stay.
 
         Two of the steps may fail without being counted.
@@ -367,9 +367,9 @@ class _PosteriorMode:
             slopes,
             method="lm",
             x_scale="jac",
-            ftol=2.0 * SETTLED / self.y.size,
-            xtol=SMALLEST,
-            gtol=SMALLEST,
+            ftol=2.0 * MODE_TOLERANCE / self.y.size,
+            xtol=RELATIVE_TOLERANCE,
+            gtol=RELATIVE_TOLERANCE,
             max_nfev=steps + 2,
         )
         return whole(np.asarray(found.x, dtype=float))

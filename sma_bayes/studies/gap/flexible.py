@@ -34,18 +34,18 @@ from sma_bayes.studies.gap.splines import (
     steps,
 )
 
-SIZES = np.geomspace(0.03, 100.0, 10)
+COEFFICIENT_SD_GRID = np.geomspace(0.03, 100.0, 10)
 """Sizes of the coefficients that are averaged over, in standard deviations of the noise of the channel."""
 
 
-SHAPE = "temperature"
+SHAPE_COVARIATE = "temperature"
 """Covariate of the terms that only bend a curve."""
-SIMULATED = "simulated temperature"
-ALONE = ("force", "displacement", "stiffness", SIMULATED, "drive phase")
+SIMULATED_TEMPERATURE = "simulated temperature"
+SINGLE_CHANNEL_COVARIATES = ("force", "displacement", "stiffness", SIMULATED_TEMPERATURE, "drive phase")
 """Covariates of terms that are not tried on several channels together."""
-STEPS = 6
+STEP_PLACES = 6
 """Places at which a step in time is tried, at equal distances along each condition."""
-FAR = 500.0
+FULLY_TRANSFORMED_DISTANCE = 500.0
 """Distance from the measured temperatures at which the transformation is over [K]."""
 
 
@@ -118,10 +118,10 @@ def log_bayes_factor(b: Floats, information: Floats) -> Floats:
     -------
     ndarray, shape (S,)
     """
-    precision = SIZES[:, None] ** -2.0  # of the coefficients
+    precision = COEFFICIENT_SD_GRID[:, None] ** -2.0  # of the coefficients
     fit = 0.5 * (1.0 / (information + precision)) @ (b * b)
-    price = 0.5 * np.log1p(SIZES[:, None] ** 2 * information).sum(axis=1)
-    return np.asarray(logsumexp(fit - price[:, None], axis=0) - np.log(SIZES.size))
+    price = 0.5 * np.log1p(COEFFICIENT_SD_GRID[:, None] ** 2 * information).sum(axis=1)
+    return np.asarray(logsumexp(fit - price[:, None], axis=0) - np.log(COEFFICIENT_SD_GRID.size))
 
 
 def gains(fitted: FittedHypothesis, terms: Sequence[Term]) -> list[TermEvidence]:
@@ -182,7 +182,7 @@ def shape_terms(fitted: FittedHypothesis) -> tuple[list[Term], list[Term]]:
     """Terms that let the curves bend inside the effects, one a channel: with all splines, and with few."""
     sizes = {c: _noise(fitted, c) for c in _mechanical(fitted)}
     found = free_curves(fitted, sizes) if sizes else {}
-    fine, coarse = ([Term(SHAPE, c, of[i]) for c, of in found.items()] for i in (0, 1))
+    fine, coarse = ([Term(SHAPE_COVARIATE, c, of[i]) for c, of in found.items()] for i in (0, 1))
     return fine, coarse
 
 
@@ -256,11 +256,11 @@ def offer(fitted: FittedHypothesis, found: Sequence[TermWorth] = ()) -> Flexible
     if not fine:
         return FlexibleTerms(_best(found), 0.0, _best(found), evidence, curved=False)
     bent = WhitenedTerms(fitted, [*fine, *coarse]).gains(fitted)
-    shapes = [*bent, *(g for g in found if g.term.covariate == SHAPE)]
+    shapes = [*bent, *(g for g in found if g.term.covariate == SHAPE_COVARIATE)]
     channels = {t.channel for t in fine}
     apart = sum(worth_of(_best([g for g in shapes if g.term.channel == c])) for c in channels)
     joint = [g for g in shapes if g.term.channel not in channels]
-    others = [g for g in terms.gains(free) if g.term.covariate != SHAPE]
+    others = [g for g in terms.gains(free) if g.term.covariate != SHAPE_COVARIATE]
     return FlexibleTerms(_best(found), max(apart, worth_of(_best(joint))), _best(others), evidence)
 
 
@@ -317,10 +317,10 @@ def _covariates(fitted: FittedHypothesis, channel: str) -> dict[str, Floats]:
     joined["condition"] = np.concatenate([np.full(h.n, float(i)) for i, h in enumerate(histories)])
     mu = [hypothesis.predict(fitted.theta, i) for i in range(len(histories))]
     for other in hypothesis.channels:
-        name = SIMULATED if other == "temperature" else other
+        name = SIMULATED_TEMPERATURE if other == "temperature" else other
         joined[name] = np.concatenate([m[other] for m in mu])
     if channel == "temperature":
-        joined["temperature"] = joined[SIMULATED]
+        joined["temperature"] = joined[SIMULATED_TEMPERATURE]
         inputs = [h.inputs for h in histories]
         rates = [
             sweep_rate(m["temperature"], v["time"], v["segment"]) for m, v in zip(mu, inputs, strict=True)
@@ -344,7 +344,7 @@ def _joint_terms(fitted: FittedHypothesis) -> list[Term]:
     for label, leverage in (("temperature shift", slopes), ("share transformed", spans)):
         greatest = max(float(np.max(np.abs(v))) / _noise(fitted, b.channel) for b, v in leverage.items())
         for name, basis in columns:
-            if name in ALONE or (leverage is spans and name != "temperature"):
+            if name in SINGLE_CHANNEL_COVARIATES or (leverage is spans and name != "temperature"):
                 continue
             whole = np.zeros((fitted.whitened.size, basis.shape[1]))
             for block, v in leverage.items():
@@ -363,7 +363,9 @@ def _leverage(fitted: FittedHypothesis, block: ChannelBlock) -> tuple[Floats, Fl
         moved = {**inputs, "temperature": inputs["temperature"] + by}
         return hypothesis.predict(fitted.theta, block.history, moved)[block.channel]
 
-    return slope_of(hypothesis, block, fitted.theta), at(FAR) - at(-FAR)
+    return slope_of(hypothesis, block, fitted.theta), at(FULLY_TRANSFORMED_DISTANCE) - at(
+        -FULLY_TRANSFORMED_DISTANCE
+    )
 
 
 def _columns(v: dict[str, Floats]) -> list[tuple[str, Floats]]:
@@ -386,7 +388,7 @@ def _columns(v: dict[str, Floats]) -> list[tuple[str, Floats]]:
         out.append(("temperature and cycle", row_tensor_product(cycle, coarse)))
     clock = "time" if "time" in v else "order"
     out.append((clock, row_tensor_product(condition, bspline_basis(v[clock], 10))))
-    out += [(clock, linear(v[clock])), *((clock, step) for step in steps(v["condition"], STEPS))]
+    out += [(clock, linear(v[clock])), *((clock, step) for step in steps(v["condition"], STEP_PLACES))]
     if cycle.shape[1] > 1:
         out.append(("cycle", linear(v["cycle"])))
     if "rate" in v and np.ptp(v["rate"]) > 0.0:
@@ -400,7 +402,7 @@ def _columns(v: dict[str, Floats]) -> list[tuple[str, Floats]]:
                 ),
             )
         )
-    for name in ("force", "displacement", "stiffness", SIMULATED):
+    for name in ("force", "displacement", "stiffness", SIMULATED_TEMPERATURE):
         if name in v and np.ptp(v[name]) > 0.0:
             out.append((name, bspline_basis(v[name], 20)))
     for name in ("current", "ambient_temperature", "load"):

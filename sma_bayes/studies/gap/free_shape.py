@@ -20,15 +20,15 @@ from sma_bayes.studies.gap.fitting import FittedHypothesis
 from sma_bayes.studies.gap.hypothesis import Hypothesis
 from sma_bayes.studies.gap.splines import bspline_basis
 
-SPLINES = 20
+MAX_SPLINES = 20
 """Splines of a channel on a branch, at most."""
-EACH = 3
+LEAST_TEMPERATURES_PER_SPLINE = 3
 """Temperatures for each of these, at least."""
-COARSE = 8
+COARSE_SPLINES = 8
 """Splines of a curve that bends more smoothly."""
-FEWEST = 4
+LEAST_SPLINES = 4
 """Splines below which a curve is not bent."""
-GRID = 400
+GRID_POINTS = 400
 """Temperatures at which a curve is followed."""
 
 
@@ -53,13 +53,15 @@ def free_curves(fitted: FittedHypothesis, sizes: Mapping[str, float]) -> dict[st
         for sign in (1.0, -1.0):
             on = [fitted.hypothesis.histories[i].inputs["branch"] == sign for i in members]
             temperature = np.concatenate([t[own] for t, own in zip(alloy, on, strict=True)])
-            count = min(np.unique(temperature).size // EACH, SPLINES)
-            if count < FEWEST or np.ptp(temperature) == 0.0:
+            count = min(np.unique(temperature).size // LEAST_TEMPERATURES_PER_SPLINE, MAX_SPLINES)
+            if count < LEAST_SPLINES or np.ptp(temperature) == 0.0:
                 continue
             for channel, place in _places(fitted, members[0], temperature, sign).items():
                 if channel in sizes:
                     rows = _rows(fitted, members, on, channel)
-                    many, few = (np.zeros((fitted.whitened.size, k)) for k in (count, min(COARSE, count)))
+                    many, few = (
+                        np.zeros((fitted.whitened.size, k)) for k in (count, min(COARSE_SPLINES, count))
+                    )
                     many[rows] = sizes[channel] * bspline_basis(place, many.shape[1])
                     few[rows] = sizes[channel] * bspline_basis(place, few.shape[1])
                     found[channel].append((many, few))
@@ -105,8 +107,8 @@ def served_together(hypothesis: Hypothesis) -> list[list[int]]:
 def _places(fitted: FittedHypothesis, member: int, temperature: Floats, sign: float) -> dict[str, Floats]:
     """Where temperatures (n,) lie among the knots of each channel, from 0 to 1."""
     hypothesis = fitted.hypothesis
-    grid = np.linspace(temperature.min(), temperature.max(), GRID)
-    even, out = np.linspace(0.0, 1.0, GRID), {}
+    grid = np.linspace(temperature.min(), temperature.max(), GRID_POINTS)
+    even, out = np.linspace(0.0, 1.0, GRID_POINTS), {}
     for channel, curve in hypothesis.simulation.curves(
         fitted.theta[hypothesis.layout[member]], grid, sign
     ).items():

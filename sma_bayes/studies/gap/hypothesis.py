@@ -26,7 +26,7 @@ Positions = NDArray[np.intp]
 Bend = Callable[[Mapping[str, Floats], Mapping[str, Floats]], dict[str, Floats]]
 """Channels of a simulation and the inputs that they were predicted for, to channels of other curves."""
 
-SHIFT = 0.2
+SWITCHING_SHIFT = 0.2
 """Shift of a switching by which what it moves is found, in steps of the record."""
 
 
@@ -124,9 +124,9 @@ class Hypothesis:
         near = np.abs(np.arange(self.histories[history].n) - at[:, None]) <= 1
         plain, later, earlier = (
             self.predict(theta, history, {**inputs, "switching_shift": by * near})["temperature"]
-            for by in (np.zeros(1), SHIFT, -SHIFT)
+            for by in (np.zeros(1), SWITCHING_SHIFT, -SWITCHING_SHIFT)
         )
-        forth, back = (later - plain) / SHIFT, (plain - earlier) / SHIFT
+        forth, back = (later - plain) / SWITCHING_SHIFT, (plain - earlier) / SWITCHING_SHIFT
         unlike = np.any(np.abs(forth - back) > 1e-3 * np.abs(forth).max(), axis=1)
         return np.concatenate([forth, back[unlike]]).T
 

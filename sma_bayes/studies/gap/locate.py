@@ -23,9 +23,9 @@ from sma_bayes.studies.gap.periodic import Spectra
 from sma_bayes.studies.gap.schema import StatedPeriodicity
 
 SHUFFLES = 400
-SURE, FEWER = 100.0, 100
+SURE_LN_BAYES_FACTOR, SHUFFLES_IF_SURE = 100.0, 100
 """Log Bayes factor from which on chance is not to be told to the digit, and the shuffles that are enough then."""
-TAIL = 0.2
+TAIL_SHARE = 0.2
 """Share of the shuffled maxima from which the tail beyond them is extrapolated."""
 BINS = 10
 """Parts of the range of a covariate whose unions are searched for the place of a disagreement."""
@@ -112,11 +112,11 @@ def look(
     signatures : sequence of Signature
     rng : numpy.random.Generator
     shuffles : int
-        At most; a disagreement that is far beyond chance takes `FEWER`.
+        At most; a disagreement that is far beyond chance takes `SHUFFLES_IF_SURE`.
     """
     found = sorted(gains(fitted, terms_of(fitted)), key=lambda g: -g.ln_bayes_factor)
-    sure = bool(found) and found[0].ln_bayes_factor >= SURE
-    null = shuffled(fitted, rng, min(shuffles, FEWER) if sure else shuffles)
+    sure = bool(found) and found[0].ln_bayes_factor >= SURE_LN_BAYES_FACTOR
+    null = shuffled(fitted, rng, min(shuffles, SHUFFLES_IF_SURE) if sure else shuffles)
     # lines and steps, which the others contain, are there to be compared with effects, not to be looked for
     spectra = Spectra(fitted)
     patterns: list[Signature] = [*(g for g in found if g.term.columns.shape[1] > 1), *signatures, spectra]
@@ -158,9 +158,9 @@ def tail_probability(null: Floats, value: float) -> tuple[float, bool]:
     exceeding = int(np.sum(null >= value))
     if exceeding >= 10:
         return (1.0 + exceeding) / (1.0 + null.size), False
-    threshold = float(np.quantile(null, 1.0 - TAIL))
+    threshold = float(np.quantile(null, 1.0 - TAIL_SHARE))
     scale = float(np.mean(null[null > threshold] - threshold))
-    return float(TAIL * np.exp(-max(value - threshold, 0.0) / max(scale, 1e-12))), True
+    return float(TAIL_SHARE * np.exp(-max(value - threshold, 0.0) / max(scale, 1e-12))), True
 
 
 def disagreements(fitted: FittedHypothesis, covariates: Sequence[str], most: int = 6) -> list[Disagreement]:

@@ -26,7 +26,7 @@ from sma_bayes.effects.needs import untestable
 from sma_bayes.effects.types import Effect
 from sma_bayes.parameters.distributions import Distribution, LogNormal
 from sma_bayes.studies.gap.effect_form import EffectForms
-from sma_bayes.studies.gap.finite import STRONG, gained_in_steps
+from sma_bayes.studies.gap.finite import STRONG_LN_BAYES_FACTOR, gained_in_steps
 from sma_bayes.studies.gap.fitting import (
     FittedHypothesis,
     added_by,
@@ -48,40 +48,40 @@ from sma_bayes.studies.gap.hypothesis import Hypothesis
 from sma_bayes.studies.gap.one_stage import OneStageShapes, claims_a_stage
 from sma_bayes.studies.gap.scatter import lay_together, members_of
 
-SIZES = {True: (0.001, 0.1, 0.5, 0.9), False: (0.25, 0.75)}
+SCREENED_QUANTILES = {True: (0.001, 0.1, 0.5, 0.9), False: (0.25, 0.75)}
 """Quantiles of the prior at which sizes are screened: those that are positive, those of either sign."""
-SHAPES = {0: 0, 1: 16, 2: 8, 3: 5}
+PARAMETER_SLICES = {0: 0, 1: 16, 2: 8, 3: 5}
 """Into how many equal slices of probability each other parameter is cut, by their number; their middles are tried."""
-SCALES = (0.1, 0.3, 1.0, 3.0)
+SCREENED_SCALES = (0.1, 0.3, 1.0, 3.0)
 """Sizes over those of the grid that are averaged over when an effect is screened."""
-NEAR, FAR_BELOW = 12.0, 0.5
+REFIT_GAIN_MARGIN, REFIT_GAIN_SHARE = 12.0, 0.5
 """Screened gain below the best up to which candidates are refitted: so much, or such a share of it if that is more."""
-NEGLIGIBLE = 0.02
+NEGLIGIBLE_GAIN_SHARE = 0.02
 """Share of the best screened gain below which an effect is not worth the steps of a fit."""
-WORTH = 3.0
+LEAST_LN_BAYES_FACTOR = 3.0
 """Least ln Bayes factor of an effect that is added, and of one that is kept."""
-CARRIED_BESIDE = 0.85
+LEAST_SHARE_BESIDE_FLEXIBLE = 0.85
 """Share that an effect must carry of what it and a flexible term on top of it explain, to get in beside such a term."""
-CARRIED_IN_OWN_NOISE = 0.95
+LEAST_SHARE_IN_OWN_NOISE = 0.95
 """The same by the noise that is left beside the effect, which has a part of what its form leaves; shape counted."""
-BEYOND = 0.2
+LEAST_SHARE_BEYOND_SHAPE = 0.2
 """Share of what an effect explains that must lie beyond any shape of the curve: less may be the form of a shape."""
-MISSHAPEN = 20.0
+MISFIT_LN_BAYES_FACTOR = 20.0
 """Log Bayes factor from which on a curve surely has another shape than the model's."""
-BELIEVABLE = 0.999
+BELIEVABLE_PRIOR_MASS = 0.999
 """Share of the prior of a parameter within which an effect is what its name says; its size may lie anywhere."""
-HARDLY_LESS = 0.01
+MAX_LOSS_IN_BELIEVABLE_RANGE = 0.01
 """Share of what an effect explains that it may lose with numbers that can be believed: no form is exact, and what is
-plain to see tells its numbers from the next ones by far more than `WORTH`."""
-HALF = 0.5
+plain to see tells its numbers from the next ones by far more than `LEAST_LN_BAYES_FACTOR`."""
+LEAST_SHARE_FOR_OWN_NOISE = 0.5
 """Share that an effect must carry to be judged by the noise beside it as well."""
-CANCELS = 2.0
+CANCELLING_SIZE = 2.0
 """What an effect adds to a channel over all that was measured of it, beyond which it can only cancel something else."""
-REFITTED = 6
+MAX_REFITS = 6
 """Greatest number of candidates that are refitted at a step."""
-CONTAINED = 0.5
+CONTAINED_SHARE = 0.5
 """Share of a signature from which on a flexible term stands for it."""
-THE_SAME = 0.99
+IDENTICAL_SHARE = 0.99
 """Share of every signature of an effect from which on a flexible term of a single column is that effect."""
 
 
@@ -142,8 +142,8 @@ class EvidenceBeside:
         Log Bayes factor of the best term on top of it, the shape of the curve included; 0 where none pays for itself.
     shape_apart : bool
         Whether the share is that beside a curve that is free to have any shape, the same in every cycle and condition.
-        That takes an effect of which a share of `BEYOND` lies beyond any shape: where it only bends the curve, little
-        is left there to be shared.
+        That takes an effect of which a share of `LEAST_SHARE_BEYOND_SHAPE` lies beyond any shape: where it only bends
+        the curve, little is left there to be shared.
     beyond_shape : float
         Log Bayes factor of the effect where the curve is free to have any shape, with the effect as without.
     carried_beyond : float
@@ -173,15 +173,15 @@ class EvidenceBeside:
         own, rest = with_it.free - without.free, worth_of(with_it.beyond)
         over, share = own + rest - worth_of(without.beyond), share_of(own, rest)
         over_plain, share_plain = gained + on_top - worth_of(without.best), share_of(gained, on_top)
-        misshapen = with_it.shape >= MISSHAPEN and is_beyond_shape(own, gained)
-        if misshapen and max(over, over_plain) >= WORTH and share > share_plain:
+        misshapen = with_it.shape >= MISFIT_LN_BAYES_FACTOR and is_beyond_shape(own, gained)
+        if misshapen and max(over, over_plain) >= LEAST_LN_BAYES_FACTOR and share > share_plain:
             return EvidenceBeside(max(over, over_plain), share, with_it.beyond, on_top, True, own, share)
         return EvidenceBeside(over_plain, share_plain, with_it.best, on_top, False, own, share)
 
 
 def is_beyond_shape(beyond: float, explained: float) -> bool:
     """Whether enough of what effects explain lies beyond any shape of the curve for shares to be counted there."""
-    return beyond >= max(WORTH, BEYOND * explained)
+    return beyond >= max(LEAST_LN_BAYES_FACTOR, LEAST_SHARE_BEYOND_SHAPE * explained)
 
 
 def share_of(explained: float, rest: float) -> float:
@@ -267,7 +267,11 @@ class Candidate:
     def leaves_nothing(self) -> bool:
         """Whether it is surely there, and nothing without meaning pays for itself on top of it, the shape included."""
         found = self.beside
-        return self.ln_bayes_factor >= MISSHAPEN and found is not None and found.on_top < WORTH
+        return (
+            self.ln_bayes_factor >= MISFIT_LN_BAYES_FACTOR
+            and found is not None
+            and found.on_top < LEAST_LN_BAYES_FACTOR
+        )
 
     def evidence_like(self, other: Candidate) -> float:
         """Its log Bayes factor as it is to be compared with that of another: beside a free shape if that one is so.
@@ -279,16 +283,20 @@ class Candidate:
 
     @property
     def carries_nearly_all(self) -> bool:
-        """Whether it carries `CARRIED_IN_OWN_NOISE` of what it and a flexible term explain, the shape being one."""
+        """Whether it carries `LEAST_SHARE_IN_OWN_NOISE` of what it and a flexible term explain, the shape being one."""
         found = self.beside
-        return found is not None and share_of(self.ln_bayes_factor, found.on_top) >= CARRIED_IN_OWN_NOISE
+        return found is not None and share_of(self.ln_bayes_factor, found.on_top) >= LEAST_SHARE_IN_OWN_NOISE
 
     @property
     def beats_flexible(self) -> bool:
         """Whether it is worth more than flexible terms in its place, or beside them and carries most by itself."""
         found = self.beside
-        beside = found is not None and found.over >= WORTH and found.carried >= CARRIED_BESIDE
-        return self.ln_bayes_factor >= WORTH and (self.ln_bayes_factor > self.guard or beside)
+        beside = (
+            found is not None
+            and found.over >= LEAST_LN_BAYES_FACTOR
+            and found.carried >= LEAST_SHARE_BESIDE_FLEXIBLE
+        )
+        return self.ln_bayes_factor >= LEAST_LN_BAYES_FACTOR and (self.ln_bayes_factor > self.guard or beside)
 
     @property
     def beyond_shape(self) -> bool:
@@ -296,7 +304,7 @@ class Candidate:
         found = self.beside
         return found is None or (
             is_beyond_shape(found.beyond_shape, self.ln_bayes_factor)
-            and found.carried_beyond >= CARRIED_BESIDE
+            and found.carried_beyond >= LEAST_SHARE_BESIDE_FLEXIBLE
         )
 
     @property
@@ -305,7 +313,7 @@ class Candidate:
 
         An effect that claims a stage of its own has to be worth more than those of one.
         """
-        more = self.ln_bayes_factor >= self.one_stage + WORTH
+        more = self.ln_bayes_factor >= self.one_stage + LEAST_LN_BAYES_FACTOR
         return more or (self.beyond_shape and not claims_a_stage(self.effect))
 
     @property
@@ -336,7 +344,7 @@ def candidates(
     flexible: Sequence[TermEvidence],
     rivals: Rivals | None,
     *,
-    most: int = REFITTED,
+    most: int = MAX_REFITS,
     steps: bool = True,
 ) -> list[Candidate]:
     """Judge effects, and refit those that come near the best.
@@ -362,12 +370,12 @@ def candidates(
         Best first.
     """
     if rivals is not None and steps:
-        strong = bool(flexible) and flexible[0].ln_bayes_factor >= STRONG
+        strong = bool(flexible) and flexible[0].ln_bayes_factor >= STRONG_LN_BAYES_FACTOR
         screened = _in_steps(fitted, screened, every=strong)
     out: list[Candidate] = []
     best = _best_law(fitted, screened)
     for place, s in enumerate(screened):
-        if rivals is None or place >= most or s.gain < best - max(NEAR, FAR_BELOW * best):
+        if rivals is None or place >= most or s.gain < best - max(REFIT_GAIN_MARGIN, REFIT_GAIN_SHARE * best):
             out.append(Candidate(s.effect, None, s.ln_bayes_factor))
             continue
         found = fit_hypothesis(fitted.hypothesis.extended(s.effect), s.start, fitted.noise)
@@ -376,7 +384,7 @@ def candidates(
     if (
         steps
         and flexible
-        and flexible[0].ln_bayes_factor >= STRONG
+        and flexible[0].ln_bayes_factor >= STRONG_LN_BAYES_FACTOR
         and not any(c.fitted and c.worthy for c in out)
     ):
         return _best_again(fitted, out)
@@ -386,7 +394,12 @@ def candidates(
 def _best_again(fitted: FittedHypothesis, found: Sequence[Candidate]) -> list[Candidate]:
     """Candidates with the best law among them judged by the noise that is left beside it as well."""
     laws = [c for c in found if c.beside is not None and c.plausible and not members_of(c.effect)]
-    if not laws or laws[0].fitted is None or laws[0].beside is None or laws[0].beside.carried < HALF:
+    if (
+        not laws
+        or laws[0].fitted is None
+        or laws[0].beside is None
+        or laws[0].beside.carried < LEAST_SHARE_FOR_OWN_NOISE
+    ):
         return list(found)
     again = in_own_noise(fitted, laws[0].fitted)
     return [replace(c, in_own_noise=again) if c is laws[0] else c for c in found]
@@ -407,11 +420,12 @@ def in_own_noise(fitted: FittedHypothesis, extended: FittedHypothesis) -> Candid
     Returns
     -------
     Candidate or None
-        None where that noise is not smaller, by `STRONG` in log likelihood, so that nothing would change.
+        None where that noise is not smaller, by `STRONG_LN_BAYES_FACTOR` in log likelihood, so that nothing would
+        change.
     """
     found = fit_with_noise(extended.hypothesis, extended.z)
     smaller = sum(a.log_scale - b.log_scale for a, b in zip(fitted.noise, found.noise, strict=True))
-    if smaller < STRONG:
+    if smaller < STRONG_LN_BAYES_FACTOR:
         return None
     bare = fit_hypothesis(fitted.hypothesis, fitted.z, found.noise)
     flexible = gains(bare, terms_of(bare))
@@ -432,13 +446,13 @@ def _best_law(fitted: FittedHypothesis, screened: Sequence[Screened]) -> float:
 def _in_steps(fitted: FittedHypothesis, screened: Sequence[Screened], *, every: bool) -> list[Screened]:
     """Screened effects with what they gain in a few steps of a fit, greatest gain first.
 
-    The least of them stay as they are; and if not every one is tried, all that have not more numbers than `SHAPES`
-    counts, whose grid is fine enough.
+    The least of them stay as they are; and if not every one is tried, all that have not more numbers than
+    `PARAMETER_SLICES` counts, whose grid is fine enough.
     """
     out, best = [], _best_law(fitted, screened)
     for s in screened:
-        many = len(s.effect.parameters(fitted.hypothesis.scales)) - 1 > max(SHAPES)
-        if s.gain < NEGLIGIBLE * best or not (every or (many and not members_of(s.effect))):
+        many = len(s.effect.parameters(fitted.hypothesis.scales)) - 1 > max(PARAMETER_SLICES)
+        if s.gain < NEGLIGIBLE_GAIN_SHARE * best or not (every or (many and not members_of(s.effect))):
             out.append(s)
             continue
         gain, start = gained_in_steps(fitted, s.effect, s.start)
@@ -470,13 +484,15 @@ def judged(
     signature = signature_at_mode(fitted, extended)
     guard, covariate = flexible_alternative(signature, flexible, screened)
     gained = extended.ln_evidence - fitted.ln_evidence
-    beside = EvidenceBeside.of(gained, offer(extended), rivals.terms) if gained >= WORTH else None
+    beside = (
+        EvidenceBeside.of(gained, offer(extended), rivals.terms) if gained >= LEAST_LN_BAYES_FACTOR else None
+    )
     beyond_form = rivals.forms.share_beyond(signature)
     found = Candidate(screened.effect, extended, gained, guard, covariate, beside, beyond_form)
     hangs_on_shape = claims_a_stage(screened.effect) or not found.beyond_shape
     if not (hangs_on_shape and found.plausible and found.beats_flexible):
         return found
-    return replace(found, one_stage=rivals.shapes.worth(gained - WORTH))
+    return replace(found, one_stage=rivals.shapes.worth(gained - LEAST_LN_BAYES_FACTOR))
 
 
 def screen(fitted: FittedHypothesis, effect: Effect) -> Screened:
@@ -529,15 +545,15 @@ def _averaged(b: Floats, information: Floats) -> Floats:
     if not information.size:
         return np.full(b.shape[1], -np.inf)
     each = []
-    for scale in SCALES:
+    for scale in SCREENED_SCALES:
         each.append(0.5 * b**2 / (information + scale**-2.0)[:, None])
         each[-1] -= 0.5 * np.log1p(scale**2 * information)[:, None]
-    return np.asarray(logsumexp(each, axis=(0, 1)) - np.log(len(SCALES) * information.size))
+    return np.asarray(logsumexp(each, axis=(0, 1)) - np.log(len(SCREENED_SCALES) * information.size))
 
 
 def _grid(priors: Sequence[Distribution]) -> list[tuple[float, ...]]:
-    sizes = SIZES[isinstance(priors[0], LogNormal)]
-    count = SHAPES.get(len(priors) - 1, 3)
+    sizes = SCREENED_QUANTILES[isinstance(priors[0], LogNormal)]
+    count = PARAMETER_SLICES.get(len(priors) - 1, 3)
     shapes = [(i + 0.5) / count for i in range(count)]
     return list(product(sizes, *[shapes for _ in priors[1:]]))
 
@@ -545,8 +561,8 @@ def _grid(priors: Sequence[Distribution]) -> list[tuple[float, ...]]:
 def is_plausible(hypothesis: Hypothesis, z: Floats) -> bool:
     """Whether the last effect has numbers that its mechanism can have.
 
-    How large an effect is may surprise. But a time constant, a width or a ratio beyond what `BELIEVABLE` of its prior
-    holds, a range from the literature, is that of something else.
+    How large an effect is may surprise. But a time constant, a width or a ratio beyond what `BELIEVABLE_PRIOR_MASS` of
+    its prior holds, a range from the literature, is that of something else.
     """
     return np.array_equal(_nearest_believable(hypothesis, z), z)
 
@@ -555,8 +571,8 @@ def within_range(fitted: FittedHypothesis, gained: float = 0.0) -> FittedHypothe
     """A fit as it is if its last effect has numbers that its mechanism can have, or with the nearest ones that it can.
 
     A time constant that is shorter than the data resolve has its mode anywhere below. What counts is whether the effect
-    explains as much, within `WORTH`, or `HARDLY_LESS` of it, with numbers that can be believed; where it does not, it
-    fits only with others.
+    explains as much, within `LEAST_LN_BAYES_FACTOR`, or `MAX_LOSS_IN_BELIEVABLE_RANGE` of it, with numbers that can be
+    believed; where it does not, it fits only with others.
 
     Parameters
     ----------
@@ -569,14 +585,14 @@ def within_range(fitted: FittedHypothesis, gained: float = 0.0) -> FittedHypothe
         return fitted
     held = fitted.hypothesis.effect_positions[fitted.hypothesis.effects[-1].id].size - 1
     believable = fit_held(fitted.hypothesis, nearest, fitted.noise, held)
-    enough = fitted.ln_evidence - max(WORTH, HARDLY_LESS * gained)
+    enough = fitted.ln_evidence - max(LEAST_LN_BAYES_FACTOR, MAX_LOSS_IN_BELIEVABLE_RANGE * gained)
     return believable if believable.ln_evidence > enough else fitted
 
 
 def _nearest_believable(hypothesis: Hypothesis, z: Floats) -> Floats:
     """Sampled coordinates with the numbers of the last effect, but for its size, moved into their ranges."""
     effect = hypothesis.effects[-1]
-    tails = np.array([0.5 - 0.5 * BELIEVABLE, 0.5 + 0.5 * BELIEVABLE])
+    tails = np.array([0.5 - 0.5 * BELIEVABLE_PRIOR_MASS, 0.5 + 0.5 * BELIEVABLE_PRIOR_MASS])
     out, numbers = z.copy(), effect.parameters(hypothesis.scales)[1:]
     for i, parameter in enumerate(numbers, z.size - len(numbers)):
         ends = parameter.prior.transform.unconstrain(parameter.prior.quantile(tails))
@@ -596,7 +612,7 @@ def cancels(fitted: FittedHypothesis) -> bool:
     for channel in fitted.hypothesis.channels:
         own = [b.at for b in fitted.blocks if b.channel == channel]
         added, seen = (np.concatenate([x[at] for at in own]) for x in (change, fitted.observed))
-        if channel != "temperature" and np.ptp(added) > CANCELS * np.ptp(seen):
+        if channel != "temperature" and np.ptp(added) > CANCELLING_SIZE * np.ptp(seen):
             return True
     return False
 
@@ -629,9 +645,9 @@ def flexible_alternative(
     for gain in flexible:
         if gain.term.covariate in members_of(screened.effect):
             continue
-        if float(_contained(gain, signature[:, None])[0]) < CONTAINED:
+        if float(_contained(gain, signature[:, None])[0]) < CONTAINED_SHARE:
             continue
-        if gain.information.size > 1 or np.any(_contained(gain, screened.signatures) < THE_SAME):
+        if gain.information.size > 1 or np.any(_contained(gain, screened.signatures) < IDENTICAL_SHARE):
             found.append((gain.ln_bayes_factor, gain.term.covariate))
     if not found:
         return -np.inf, ""

@@ -31,51 +31,51 @@ from sma_bayes.studies.gap.hypothesis import Hypothesis
 from sma_bayes.studies.gap.splines import bspline_basis, grouped, indicators, row_tensor_product
 from sma_bayes.studies.gap.switching import Scatter, likeliest_size
 
-MEMORIES = np.concatenate([[-0.6, -0.3, -0.15], np.tanh(np.linspace(0.0, 2.65, 28))])
+CORRELATION_GRID = np.concatenate([[-0.6, -0.3, -0.15], np.tanh(np.linspace(0.0, 2.65, 28))])
 """Correlations of neighbouring samples that are tried."""
-GROWS = 5.0
+GROWTH_STANDARD_ERRORS = 5.0
 """Standard errors from which the size of innovations counts as changing with the response; such as does not, once in a
 million."""
-LONGEST, OF_RECORD = 1.5, 0.75
+MAX_MEMORY_SWEEPS, MAX_MEMORY_SHARE_OF_RECORD = 1.5, 0.75
 """Sweeps, and share of an uninterrupted record, that may count as one sample under chance: what remembers for longer is
 a wave that wants an explanation. Of one cycle they are the same; several cycles tell by their likelihood how long noise
 remembers."""
-PROBABLE = 1e-3
+LEAST_RELATIVE_LIKELIHOOD = 1e-3
 """A memory that is less likely than the likeliest one by more than this factor is left out of account."""
-DEGREES = (2.0, 3.0, 5.0, 9.0)
+DEGREES_OF_FREEDOM = (2.0, 3.0, 5.0, 9.0)
 """Degrees of freedom of Student's t that are tried where tails are heavier than normal."""
-HEAVY = 10.0
+HEAVY_TAILS_GAIN = 10.0
 """Gain of log likelihood from which on tails count as heavy."""
-NARROWEST = 0.1
+LEAST_WIDTH = 0.1
 """Least width of a t distribution over the standard deviation; narrower ones are those of readings that repeat."""
-SET_ASIDE = 3
+OUTLIERS_SET_ASIDE = 3
 """Greatest innovations of a record that don't make its tails heavy."""
-REWEIGHTED = 4
+REWEIGHTING_ROUNDS = 4
 """How often scales of innovations and the noise are found in turn."""
-TURNS = 20
+EM_ROUNDS = 20
 """How often weight and width of a t distribution are found in turn."""
-SMOOTH = 8
+TEMPERATURE_SPLINES = 8
 """Splines of temperature on each branch that are taken out; fewer where samples are few."""
-RECORDED = {"time": 6, "order": 6, "ambient_temperature": 6, "rate": 6, "current": 5, "load": 5}
+COVARIATE_SPLINES = {"time": 6, "order": 6, "ambient_temperature": 6, "rate": 6, "current": 5, "load": 5}
 """Splines of what else was recorded that are tried; of `order` only where time was not."""
-BEYOND_NOISE = 1e-3
+COVARIATE_P = 1e-3
 """Probability that noise puts as much into these, up to which they are taken out."""
-ON_CURVE = {"cycle": 5, "rate": 4, "ambient_temperature": 4, "current": 4}
+CURVE_CHANGE_SPLINES = {"cycle": 5, "rate": 4, "ambient_temperature": 4, "current": 4}
 """Splines of what may change the curve itself, its stroke and its place on the axis of temperature."""
-SIZES = np.geomspace(0.03, 100.0, 10)
+CHANGE_SD_GRID = np.geomspace(0.03, 100.0, 10)
 """Sizes of changes of the curve that are tried, in standard deviations of the noise."""
-BEYOND_DOUBT = 1e-6
+CURVE_CHANGE_P = 1e-6
 """The same for these, which are many; where they are weighed by their evidence, its inverse is the Bayes factor."""
-REMEMBERS = 0.8
+LONG_CORRELATION = 0.8
 """Memory from which on they are tried: what changes the curve passes for noise that remembers, or not for noise."""
-LESS_LONG = 0.5
+MAX_MEMORY_RATIO = 0.5
 """Time that noise remembers beside them over that without, up to which they are taken out: what only passed for memory
 is in them then. A hum, say, has a part in so many columns, too, and its memory stays as it is."""
-EACH = 40
+LEAST_SAMPLES_PER_SPLINE = 40
 """Samples for each spline of what else was recorded, at least."""
-HARDLY = 1e-9
+RELATIVE_PRECISION = 1e-9
 """Precision by which coefficients of which nothing is known are held, over the mean information on them."""
-INDEPENDENT = 1e-6
+LEAST_SINGULAR_VALUE = 1e-6
 """Least singular value, over the greatest, of columns that count as different."""
 
 
@@ -112,9 +112,15 @@ class ChannelBlock:
 
     @property
     def possible(self) -> NDArray[np.bool_]:
-        """Which of `MEMORIES` chance may have: at most `LONGEST` sweeps or `OF_RECORD` count as one sample."""
+        """Which of `CORRELATION_GRID` chance may have.
+
+        At most `MAX_MEMORY_SWEEPS` sweeps or `MAX_MEMORY_SHARE_OF_RECORD` count as one sample.
+        """
         whole = self.first.size / max(int(self.first.sum()), 1)
-        return np.asarray(_samples_as_one(MEMORIES) <= max(LONGEST * self.sweep, OF_RECORD * whole))
+        return np.asarray(
+            _samples_as_one(CORRELATION_GRID)
+            <= max(MAX_MEMORY_SWEEPS * self.sweep, MAX_MEMORY_SHARE_OF_RECORD * whole)
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -285,7 +291,7 @@ def slope_of(hypothesis: Hypothesis, block: ChannelBlock, theta: Floats) -> Floa
     return (at(0.05) - at(-0.05)) / 0.1
 
 
-def smooth_columns(history: History, temperature: Floats, most: int = SMOOTH) -> Floats:
+def smooth_columns(history: History, temperature: Floats, most: int = TEMPERATURE_SPLINES) -> Floats:
     """What a model may miss without it being noise, shape (n, k); at most so many splines on each branch."""
     v = history.inputs
     branch = indicators(v["branch"])
@@ -306,7 +312,7 @@ def recorded_columns(inputs: Mapping[str, Floats], smooth: Floats) -> Floats:
         Of a history.
     smooth : ndarray, shape (n, k)
     """
-    return _free_of(smooth, _functions_of(inputs, RECORDED, len(smooth) // EACH))
+    return _free_of(smooth, _functions_of(inputs, COVARIATE_SPLINES, len(smooth) // LEAST_SAMPLES_PER_SPLINE))
 
 
 def curve_columns(inputs: Mapping[str, Floats], curve: Sequence[Floats], smooth: Floats) -> Floats:
@@ -326,8 +332,10 @@ def curve_columns(inputs: Mapping[str, Floats], curve: Sequence[Floats], smooth:
     """
     parts = [(x - x.mean()) / max(float(np.std(x)), 1e-300) for x in curve]
     on_branch = row_tensor_product(indicators(inputs["branch"]), np.stack(parts, axis=1))
-    most = len(smooth) // (EACH * on_branch.shape[1])
-    return _free_of(smooth, [row_tensor_product(on_branch, f) for f in _functions_of(inputs, ON_CURVE, most)])
+    most = len(smooth) // (LEAST_SAMPLES_PER_SPLINE * on_branch.shape[1])
+    return _free_of(
+        smooth, [row_tensor_product(on_branch, f) for f in _functions_of(inputs, CURVE_CHANGE_SPLINES, most)]
+    )
 
 
 def curve_changes(inputs: Mapping[str, Floats], response: Floats, slope: Floats) -> list[Floats]:
@@ -352,7 +360,7 @@ def curve_changes(inputs: Mapping[str, Floats], response: Floats, slope: Floats)
     parts = [_unit(x) for x in (response, slope, slope * (inputs["temperature"] - middle))]
     own = row_tensor_product(branch, np.stack(parts, axis=1))
     moved = row_tensor_product(branch, np.stack(parts[:2], axis=1))
-    functions = _functions_of(inputs, ON_CURVE, len(response))
+    functions = _functions_of(inputs, CURVE_CHANGE_SPLINES, len(response))
     changed = [row_tensor_product(moved, f) for f in functions]
     every = [np.concatenate(changed, axis=1)] if len(changed) > 1 else []
     return [own, *changed, *every]
@@ -382,9 +390,9 @@ def _free_of(smooth: Floats, parts: Sequence[Floats]) -> Floats:
         return np.empty((len(smooth), 0))
     columns = np.concatenate(parts, axis=1)
     axes, size = _axes(smooth)
-    axes = axes[:, size > INDEPENDENT * size[0]]
+    axes = axes[:, size > LEAST_SINGULAR_VALUE * size[0]]
     basis, own = _axes(columns - axes @ (axes.T @ columns))
-    return np.asarray(basis[:, own > INDEPENDENT * np.linalg.norm(columns, axis=0).max()])
+    return np.asarray(basis[:, own > LEAST_SINGULAR_VALUE * np.linalg.norm(columns, axis=0).max()])
 
 
 def _axes(columns: Floats) -> tuple[Floats, Floats]:
@@ -437,9 +445,9 @@ def block_noise(
         more = recorded
         both = np.concatenate([misfit, more], axis=1)
         beside = _likeliest(residual, block, both, 1.0)
-        if _by_chance(residual, beside[0], misfit, both) < BEYOND_NOISE:
+        if _by_chance(residual, beside[0], misfit, both) < COVARIATE_P:
             smooth, (noise, innovations) = both, beside
-    remembers = np.median(noise.memory) >= REMEMBERS
+    remembers = np.median(noise.memory) >= LONG_CORRELATION
     columns = changed() if changed is not None and remembers else smooth[:, :0]
     random: Floats | None = None
     if columns.shape[1]:
@@ -447,7 +455,7 @@ def block_noise(
         beside = _likeliest(residual, block, both, 1.0)
         # the memory beside so many columns is hardly known: whatever it may be, they must describe more than noise does
         if _is_shorter(beside[0], noise) and all(
-            p * _by_chance(residual, o, misfit, both) < BEYOND_DOUBT for p, o in beside[0].others
+            p * _by_chance(residual, o, misfit, both) < CURVE_CHANGE_P for p, o in beside[0].others
         ):
             smooth, (noise, innovations) = both, beside
     elif changes is not None and remembers:
@@ -467,7 +475,7 @@ def block_noise(
             width = width / np.sqrt(np.mean(width**2))
             noise, innovations = _likeliest(residual, block, smooth, width, random)
     narrowest = noise.sd * float(np.sqrt(1.0 - np.median(noise.memory) ** 2))
-    for _ in range(REWEIGHTED if lattice < narrowest else 0):
+    for _ in range(REWEIGHTING_ROUNDS if lattice < narrowest else 0):
         scale = tail_scale(innovations / width)
         if scale is None:
             break
@@ -482,7 +490,7 @@ def _changes_beyond_noise(
 
     Coefficients are normal, of a common size; sets, sizes and memories are averaged over. That average is compared with
     the likeliest memory of noise alone, whatever it is. So noise that is AR(1) is taken for columns with a probability
-    of `BEYOND_DOUBT` at most, however many columns there are and however little is known of its memory (by
+    of `CURVE_CHANGE_P` at most, however many columns there are and however little is known of its memory (by
     Markov's inequality, as the expected Bayes factor against the truth is 1).
 
     Parameters
@@ -502,26 +510,26 @@ def _changes_beyond_noise(
     alone = _restricted(_products(np.column_stack([smooth, residual]), block), log_scale, residual.size)[0]
     found = np.stack([_with_random(residual, block, smooth, columns, log_scale) for columns in sets])
     average = logsumexp(found) - np.log(found.size)
-    if average < alone.max() - math.log(BEYOND_DOUBT):
+    if average < alone.max() - math.log(CURVE_CHANGE_P):
         return None
-    which, size = divmod(int(np.argmax(logsumexp(found, axis=2))), SIZES.size)
-    return np.asarray(sets[which] * SIZES[size])
+    which, size = divmod(int(np.argmax(logsumexp(found, axis=2))), CHANGE_SD_GRID.size)
+    return np.asarray(sets[which] * CHANGE_SD_GRID[size])
 
 
 def _with_random(
     residual: Floats, block: ChannelBlock, smooth: Floats, random: Floats, log_scale: Floats
 ) -> Floats:
-    """Restricted log likelihoods beside columns with normal coefficients, of each of `SIZES` and memory, (S, m)."""
+    """Restricted log likelihoods beside columns with normal coefficients, by `CHANGE_SD_GRID` and memory, (S, m)."""
     k, j = smooth.shape[1], random.shape[1]
     products = _products(np.column_stack([smooth, random, residual]), block)
     fixed, across, own = products[:, :k, :k].copy(), products[:, :k, k:], products[:, k:, k:]
     place = np.arange(k)
-    fixed[:, place, place] += HARDLY * np.trace(fixed, axis1=1, axis2=2)[:, None] / k
+    fixed[:, place, place] += RELATIVE_PRECISION * np.trace(fixed, axis1=1, axis2=2)[:, None] / k
     left = own - np.swapaxes(across, 1, 2) @ np.linalg.solve(fixed, across)
     information, axes = np.linalg.eigh(left[:, :j, :j])
     information = np.maximum(information, 0.0)
     pull = np.einsum("mij,mi->mj", axes, left[:, :j, j]) ** 2
-    precision = SIZES[:, None, None] ** -2.0
+    precision = CHANGE_SD_GRID[:, None, None] ** -2.0
     squares = left[:, j, j] - np.sum(pull / (information + precision), axis=2)
     free = max(residual.size - k, 1)
     volume = np.linalg.slogdet(fixed)[1] + np.log1p(information / precision).sum(axis=2)
@@ -532,24 +540,24 @@ def _with_random(
 def tail_scale(innovations: Floats) -> Floats | None:
     """Scale of each innovation under Student's t; None where the normal distribution describes them.
 
-    Heavy tails are those of many: the `SET_ASIDE` greatest innovations have no say, as a jump of the specimen or the
-    rig makes one, and is no noise.
+    Heavy tails are those of many: the `OUTLIERS_SET_ASIDE` greatest innovations have no say, as a jump of the specimen
+    or the rig makes one, and is no noise.
 
     Parameters
     ----------
     innovations : ndarray, shape (n,)
         Of a common scale.
     """
-    usual = innovations[np.argsort(np.abs(innovations))[: max(innovations.size - SET_ASIDE, 1)]]
+    usual = innovations[np.argsort(np.abs(innovations))[: max(innovations.size - OUTLIERS_SET_ASIDE, 1)]]
     width = float(np.sqrt(np.mean(usual**2))) or 1.0
-    best, scale = stats.norm.logpdf(usual, scale=width).sum() + HEAVY, None
-    for degrees in DEGREES:
+    best, scale = stats.norm.logpdf(usual, scale=width).sum() + HEAVY_TAILS_GAIN, None
+    for degrees in DEGREES_OF_FREEDOM:
         own = width
-        for _ in range(TURNS):
+        for _ in range(EM_ROUNDS):
             weight = (degrees + 1.0) / (degrees + (usual / own) ** 2)
             own = float(np.sqrt(np.mean(weight * usual**2))) or 1.0
         value = stats.t.logpdf(usual, degrees, scale=own).sum()
-        if value > best and own > NARROWEST * width:
+        if value > best and own > LEAST_WIDTH * width:
             best, scale = value, np.sqrt((degrees + (innovations / own) ** 2) / (degrees + 1.0))
     return scale
 
@@ -557,13 +565,14 @@ def tail_scale(innovations: Floats) -> Floats | None:
 def _memories(block: ChannelBlock) -> tuple[list[Floats], NDArray[np.bool_]]:
     """Memories of a block that are tried, each (n,), and which of them chance may have: by sample, and in time."""
     follows = ~block.first
-    memories = [np.where(follows, phi, 0.0) for phi in MEMORIES]
+    memories = [np.where(follows, phi, 0.0) for phi in CORRELATION_GRID]
     possible = block.possible
     if block.uneven:
         memories += [
-            np.where(follows, phi ** np.maximum(block.dt, 1e-3), 0.0) for phi in MEMORIES[MEMORIES > 0.0]
+            np.where(follows, phi ** np.maximum(block.dt, 1e-3), 0.0)
+            for phi in CORRELATION_GRID[CORRELATION_GRID > 0.0]
         ]
-        possible = np.concatenate([possible, possible[MEMORIES > 0.0]])
+        possible = np.concatenate([possible, possible[CORRELATION_GRID > 0.0]])
     return memories, possible
 
 
@@ -597,7 +606,9 @@ def _likeliest(
     likeliest = int(np.argmax(value))
     shorter = np.array([m.max() for m in memories]) <= memories[likeliest].max()
     probability = np.exp(value - value.max())
-    probability = np.where((possible | shorter) & (probability >= PROBABLE), probability, 0.0)
+    probability = np.where(
+        (possible | shorter) & (probability >= LEAST_RELATIVE_LIKELIHOOD), probability, 0.0
+    )
     probability = probability / probability.sum()
     others = tuple(
         (float(probability[i]), BlockNoise(float(sd[i]), memories[i], scale))
@@ -646,7 +657,7 @@ class Growth:
     @property
     def is_noise(self) -> bool:
         """Whether it is beyond doubt, and more a change with the response than one where the curve is steep."""
-        return abs(self.slope) > GROWS * self.error and abs(self.hump) < abs(self.slope)
+        return abs(self.slope) > GROWTH_STANDARD_ERRORS * self.error and abs(self.hump) < abs(self.slope)
 
 
 def growth(innovations: Floats, response: Floats) -> Growth:
@@ -666,9 +677,9 @@ def growth(innovations: Floats, response: Floats) -> Growth:
 
 
 def _is_shorter(beside: BlockNoise, noise: BlockNoise) -> bool:
-    """Whether noise remembers for a share of `LESS_LONG` at most of what it did before columns were taken out."""
+    """Whether noise remembers for at most `MAX_MEMORY_RATIO` of what it did before columns were taken out."""
     of_beside, of_noise = (float(np.median(_samples_as_one(n.memory))) for n in (beside, noise))
-    return of_beside <= LESS_LONG * of_noise
+    return of_beside <= MAX_MEMORY_RATIO * of_noise
 
 
 def _samples_as_one(memory: Floats) -> Floats:
@@ -701,7 +712,9 @@ def _normal_equations(products: Floats, held: Floats | float = 0.0) -> tuple[Flo
     """
     gram = products[..., :-1, :-1].copy()
     place = np.arange(gram.shape[-1])
-    gram[..., place, place] += HARDLY * np.trace(gram, axis1=-2, axis2=-1)[..., None] / place.size + held
+    gram[..., place, place] += (
+        RELATIVE_PRECISION * np.trace(gram, axis1=-2, axis2=-1)[..., None] / place.size + held
+    )
     return gram, products[..., :-1, -1]
 
 
@@ -724,10 +737,10 @@ def _products(series: Floats, block: ChannelBlock, width: Floats | None = None) 
     before = series[later - 1] / scales[later]
     step = series[later] / scales[later] - before
     crossed = step.T @ before
-    forgotten = (1.0 - MEMORIES)[:, None, None]
+    forgotten = (1.0 - CORRELATION_GRID)[:, None, None]
     squares = step.T @ step + forgotten * (crossed + crossed.T) + forgotten**2 * (before.T @ before)
-    products = np.asarray(first.T @ first + squares / (1.0 - MEMORIES**2)[:, None, None])
-    in_time = _memories(block)[0][MEMORIES.size :]
+    products = np.asarray(first.T @ first + squares / (1.0 - CORRELATION_GRID**2)[:, None, None])
+    in_time = _memories(block)[0][CORRELATION_GRID.size :]
     if not in_time:
         return products
     innovations = [memory_innovations(series.T, m, scales[:, 0]) for m in in_time]

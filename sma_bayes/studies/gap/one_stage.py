@@ -24,7 +24,7 @@ from sma_bayes.parameters.space import Parameter
 from sma_bayes.studies.gap.fitting import FittedHypothesis, fit_hypothesis
 
 TINY: Final = 1e-12
-FARTHEST: Final = 40.0
+SINH_ARGUMENT_BOUND: Final = 40.0
 """Bound of the argument of sinh; the share is 0 or 1 to rounding from 5 on."""
 CURVES: Final = ("force", "displacement")
 BRANCHES: Final = ("heating", "cooling")
@@ -32,7 +32,7 @@ SOURCE: Final = "as in the priors of the model sinh_arcsinh_slopes"
 
 
 SKEW, TAIL, COLD, HOT = "skew", "tail", "cold", "hot"
-PLAIN: Final = {SKEW: 0.0, TAIL: 1.0, COLD: 0.0, HOT: 0.0}
+NEUTRAL_VALUES: Final = {SKEW: 0.0, TAIL: 1.0, COLD: 0.0, HOT: 0.0}
 """Numbers with which nothing changes."""
 
 
@@ -85,7 +85,9 @@ class OneStageShape:
         def along(number: str, channel: str) -> Floats:
             """A number at each sample."""
             up, down = (
-                values.get((number, b), values.get((number, f"{channel}_{b}"), np.array(PLAIN[number])))
+                values.get(
+                    (number, b), values.get((number, f"{channel}_{b}"), np.array(NEUTRAL_VALUES[number]))
+                )
                 for b in BRANCHES
             )
             return np.where(heating, up, down)
@@ -94,7 +96,7 @@ class OneStageShape:
         for name, curve in found.items():
             skew, tail, cold, hot = (along(n, name) for n in (SKEW, TAIL, COLD, HOT))
             inner = tail * np.arcsinh(logit(np.clip(curve.share, TINY, 1.0 - TINY))) + skew
-            share = expit(np.sinh(np.clip(inner, -FARTHEST, FARTHEST)))
+            share = expit(np.sinh(np.clip(inner, -SINH_ARGUMENT_BOUND, SINH_ARGUMENT_BOUND)))
             line = (1.0 - share) * cold + share * hot
             leaning = line * (inputs["temperature"] - self.pivot)
             changed[name] = curve.value + curve.span * (share - curve.share) + leaning

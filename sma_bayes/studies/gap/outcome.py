@@ -24,12 +24,18 @@ from sma_bayes.studies.gap.density import sample_hypothesis
 from sma_bayes.studies.gap.experiments import ProposedExperiment, next_experiment
 from sma_bayes.studies.gap.fitting import FittedHypothesis
 from sma_bayes.studies.gap.heating import study_heating
-from sma_bayes.studies.gap.name import CANCELS, CARRIED_BESIDE, WORTH, Candidate, cancels
+from sma_bayes.studies.gap.name import (
+    CANCELLING_SIZE,
+    LEAST_LN_BAYES_FACTOR,
+    LEAST_SHARE_BESIDE_FLEXIBLE,
+    Candidate,
+    cancels,
+)
 from sma_bayes.studies.gap.schema import NamedChannel, Status
 from sma_bayes.studies.gap.study import (
-    APART,
-    MOST,
-    SIGNIFICANT,
+    LN_BAYES_FACTOR_TOLD_APART,
+    MAX_EFFECTS,
+    SIGNIFICANT_P,
     GapStudy,
     Step,
     is_worthy,
@@ -39,13 +45,13 @@ from sma_bayes.studies.gap.words import covariate_text
 
 HEATING = "heating"
 """What the study of the heat balance is called in names of files and figures."""
-STAGES = MOST + 9
+STAGES = MAX_EFFECTS + 9
 """Stages that progress counts: the first fit, at most so many looks, held-out data twice, sampling; and for the heat
 balance one for fit and looks, and the others again."""
 Progress = Callable[[int, str], None]
 """Told how many of `STAGES` are done, and what is going on."""
 
-HALF = 0.5
+PRIOR_OF_NOTHING = 0.5
 """Prior probability that nothing is missing; what is left is shared by the testable effects and the flexible terms."""
 
 
@@ -123,7 +129,7 @@ def gap_outcome(
     """
     tell = progress or (lambda done, message: None)
     account = account if account is not None else Account()
-    looks = iter(range(MOST + 2))
+    looks = iter(range(MAX_EFFECTS + 2))
     with account.timed("study"):
         study = study_campaign(
             campaign,
@@ -132,10 +138,10 @@ def gap_outcome(
             pooled=pooled,
             effects=effects,
             seed=seed,
-            progress=lambda message: tell(next(looks, MOST + 1), message),
+            progress=lambda message: tell(next(looks, MAX_EFFECTS + 1), message),
         )
     judge = partial(_judged, pooled=pooled, seed=seed, jobs=jobs, account=account)
-    judged = judge(study, effects, lambda i, m: tell(MOST + 2 + i, m), checkpoint=checkpoint)
+    judged = judge(study, effects, lambda i, m: tell(MAX_EFFECTS + 2 + i, m), checkpoint=checkpoint)
     with account.timed("study"):
         of_heat = study_heating(
             campaign,
@@ -144,7 +150,7 @@ def gap_outcome(
             pooled=pooled,
             effects=effects,
             seed=seed,
-            progress=lambda message: tell(MOST + 5, f"the heat balance: {message}"),
+            progress=lambda message: tell(MAX_EFFECTS + 5, f"the heat balance: {message}"),
         )
     if of_heat is None:
         return judged
@@ -152,7 +158,7 @@ def gap_outcome(
     heating = judge(
         of_heat,
         of_heating(effects),
-        lambda i, m: tell(MOST + 6 + i, f"the heat balance: {m}"),
+        lambda i, m: tell(MAX_EFFECTS + 6 + i, f"the heat balance: {m}"),
         checkpoint=beside,
     )
     return replace(judged, heating=heating)
@@ -232,8 +238,10 @@ def probability(step: Step, candidate: Candidate) -> float:
     and by the flexible terms as one more. Half of what an effect gets is for the effect with a flexible term on top.
     """
     tested = [c.weight for c in step.candidates if not c.untestable]
-    share = np.log((1.0 - HALF) / (len(tested) + 1))
-    rivals = np.array([np.log(HALF), share + step.look.best.ln_bayes_factor, *(share + b for b in tested)])
+    share = np.log((1.0 - PRIOR_OF_NOTHING) / (len(tested) + 1))
+    rivals = np.array(
+        [np.log(PRIOR_OF_NOTHING), share + step.look.best.ln_bayes_factor, *(share + b for b in tested)]
+    )
     return float(np.exp(share + candidate.weight - np.logaddexp.reduce(rivals)))
 
 
@@ -246,20 +254,23 @@ def judgement(study: GapStudy, candidate: Candidate) -> tuple[Status, str]:
         return _judgement_of_added(study, candidate)
     for leader, members in study.classes.items():
         if name in members:
-            return "rejected", f"these data cannot tell it from {leader}, within {APART:g} of ln Bayes factor"
-    if study.p_value > SIGNIFICANT:
+            return (
+                "rejected",
+                f"these data cannot tell it from {leader}, within {LN_BAYES_FACTOR_TOLD_APART:g} of ln Bayes factor",
+            )
+    if study.p_value > SIGNIFICANT_P:
         return "rejected", f"there is no disagreement to explain (p = {study.p_value:.2g})"
     if candidate.fitted is None:
         return "rejected", (
             "not fitted in full: in the screening, by its signature, others explained far more"
         )
-    if candidate.ln_bayes_factor < WORTH:
-        return "rejected", f"ln Bayes factor {candidate.ln_bayes_factor:.1f}, below {WORTH:g}"
+    if candidate.ln_bayes_factor < LEAST_LN_BAYES_FACTOR:
+        return "rejected", f"ln Bayes factor {candidate.ln_bayes_factor:.1f}, below {LEAST_LN_BAYES_FACTOR:g}"
     if not candidate.plausible:
         if candidate.fitted is not None and cancels(candidate.fitted):
             return "rejected", (
-                f"it would have to add more than {CANCELS:g} times what was measured of a channel, which the model "
-                "would have to take away again"
+                f"it would have to add more than {CANCELLING_SIZE:g} times what was measured of a channel, which the "
+                "model would have to take away again"
             )
         return "rejected", "it fits only with numbers that the mechanism cannot have"
     if not candidate.beats_flexible:
@@ -279,7 +290,7 @@ def judgement(study: GapStudy, candidate: Candidate) -> tuple[Status, str]:
 def _beside_text(study: GapStudy, candidate: Candidate) -> str:
     """Why an effect isn't worth more beside a flexible term than that term is alone."""
     beside = candidate.beside
-    if beside is None or beside.over < WORTH or beside.remainder is None:
+    if beside is None or beside.over < LEAST_LN_BAYES_FACTOR or beside.remainder is None:
         return "and as much without the effect as with it"
     return (
         f"and the effect carries no more than {100.0 * beside.carried:.0f} % of what it explains together with a "
@@ -292,7 +303,7 @@ def _beyond_text(candidate: Candidate) -> str:
     beside = candidate.beside
     if beside is None or candidate.beyond_shape:
         return ""
-    if beside.carried_beyond >= CARRIED_BESIDE or beside.beyond_shape < WORTH:
+    if beside.carried_beyond >= LEAST_SHARE_BESIDE_FLEXIBLE or beside.beyond_shape < LEAST_LN_BAYES_FACTOR:
         return (
             ", and of that only a ln Bayes factor of "
             f"{beside.beyond_shape:.1f} lies beyond a curve of any shape, the same in every sweep and condition"

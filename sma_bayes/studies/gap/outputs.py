@@ -20,7 +20,7 @@ from sma_bayes.runs.schema import read_document
 from sma_bayes.studies.gap.schema import AddedEffect, GapDocument, GapOfModel
 from sma_bayes.studies.gap.store import POSTERIOR, POSTERIOR_OF_HEATING, SERIES
 
-WORDS: Final = ("condition", "branch", "channel")
+TEXT_COLUMNS: Final = ("condition", "branch", "channel")
 """Columns of the series that hold words."""
 
 Mask = NDArray[np.bool_]
@@ -133,8 +133,8 @@ def _samples(path: Path) -> Samples:
     try:
         columns = read_cells(path)
         return Samples(
-            {name: np.array(columns[name], dtype=np.str_) for name in WORDS},
-            {name: floats(cells) for name, cells in columns.items() if name not in WORDS},
+            {name: np.array(columns[name], dtype=np.str_) for name in TEXT_COLUMNS},
+            {name: floats(cells) for name, cells in columns.items() if name not in TEXT_COLUMNS},
         )
     except (OSError, ValueError, KeyError) as error:
         raise OutputError(

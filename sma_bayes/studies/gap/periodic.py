@@ -19,23 +19,23 @@ from scipy.stats import chi2
 from sma_bayes.arrays import Floats
 from sma_bayes.records.history import History, starts
 from sma_bayes.studies.gap.fitting import FittedHypothesis
-from sma_bayes.studies.gap.flexible import SIZES
+from sma_bayes.studies.gap.flexible import COEFFICIENT_SD_GRID
 from sma_bayes.studies.gap.noise import ChannelBlock, smooth_columns
 from sma_bayes.studies.gap.schema import StatedBand, StatedPeriodicity
 
-FINE = 20
+TEMPERATURE_SPLINES = 20
 """Splines of temperature on each branch that are taken out."""
-LOWEST = 4
+LEAST_PERIODS = 4
 """Periods that have to fit into a record; slower ones are drifts."""
-BESIDE = (3, 12)
+BACKGROUND_STEPS = (3, 12)
 """Nearest and farthest frequencies, in steps, by which the level around a line is found."""
-UNEVEN = 0.05
+UNEVEN_STEP_SPREAD = 0.05
 """Spread of the steps of time, over their median, from which on they don't count as equal."""
-WORTH = 5.0
+LEAST_LN_BAYES_FACTOR = 5.0
 """Least ln Bayes factor of a line that is told."""
-BANDS = 8
+SPECTRUM_BANDS = 8
 """Parts of a spectrum that are compared with the model of the noise."""
-MOST = 512
+MAX_FREQUENCIES = 512
 """Greatest number of frequencies that are tried where steps of time are unequal."""
 
 
@@ -51,9 +51,9 @@ class Spectra:
         parts = []
         for block, noise in zip(self.fitted.blocks, self.fitted.noise, strict=True):
             history = histories[block.history]
-            smooth = smooth_columns(history, history.inputs["temperature"], FINE)
+            smooth = smooth_columns(history, history.inputs["temperature"], TEMPERATURE_SPLINES)
             parts.append(_Spectrum(block, *_clock(history), np.linalg.qr(noise.whiten(smooth.T).T)[0]))
-        return tuple(p for p in parts if p.frequencies.size > 2 * BESIDE[1])
+        return tuple(p for p in parts if p.frequencies.size > 2 * BACKGROUND_STEPS[1])
 
     @cached_property
     def ln_bayes_factor(self) -> float:
@@ -73,12 +73,12 @@ class Spectra:
         return [found.get(b) for b in self.fitted.blocks]
 
     def lines(self) -> tuple[StatedPeriodicity, ...]:
-        """The strongest line of each channel of each condition, where it is worth more than `WORTH`; best first."""
+        """Strongest line of each channel and condition, where worth more than `LEAST_LN_BAYES_FACTOR`; best first."""
         left = self.fitted.left[:, None]
         found = []
         for part in self._parts:
             value = float(part.ln_bayes_factor(left[part.block.at])[0])
-            if value < WORTH:
+            if value < LEAST_LN_BAYES_FACTOR:
                 continue
             (at,), (power,) = part.greatest(left[part.block.at])
             history = self.fitted.hypothesis.histories[part.block.history]
@@ -123,7 +123,7 @@ class _Spectrum:
     @cached_property
     def _even(self) -> bool:
         steps = np.diff(self.clock)
-        return bool(np.all(np.abs(steps - self._step) <= UNEVEN * self._step))
+        return bool(np.all(np.abs(steps - self._step) <= UNEVEN_STEP_SPREAD * self._step))
 
     @cached_property
     def _taper(self) -> Floats:
@@ -138,11 +138,11 @@ class _Spectrum:
 
     @cached_property
     def frequencies(self) -> Floats:
-        """From `LOWEST` periods a record up to half a period a sample, shape (F,)."""
-        if self._step <= 0.0 or self.clock.size < 4 * LOWEST:
+        """From `LEAST_PERIODS` periods a record up to half a period a sample, shape (F,)."""
+        if self._step <= 0.0 or self.clock.size < 4 * LEAST_PERIODS:
             return np.empty(0)
         highest = (self.clock.size - 1) // 2
-        tried = np.arange(LOWEST, (highest if self._even else min(highest, MOST)) + 1)
+        tried = np.arange(LEAST_PERIODS, (highest if self._even else min(highest, MAX_FREQUENCIES)) + 1)
         return np.asarray(self.width * tried.astype(float))
 
     @cached_property
@@ -163,7 +163,9 @@ class _Spectrum:
 
     def _transform(self, series: Floats) -> NDArray[np.complex128]:
         if self._even:
-            return np.asarray(np.fft.rfft(series, axis=0)[LOWEST : LOWEST + self.frequencies.size])
+            return np.asarray(
+                np.fft.rfft(series, axis=0)[LEAST_PERIODS : LEAST_PERIODS + self.frequencies.size]
+            )
         return np.asarray(self._waves @ series)
 
     def greatest(self, residuals: Floats) -> tuple[NDArray[np.intp], Floats]:
@@ -178,23 +180,23 @@ class _Spectrum:
         A sine and a cosine of unknown size at the strongest one; the others add little to the mean over all.
         """
         _, power = self.greatest(residuals)
-        size = SIZES[:, None] ** 2 * (np.sum(self._taper) ** 2 / (2.0 * np.sum(self._taper**2)))
+        size = COEFFICIENT_SD_GRID[:, None] ** 2 * (np.sum(self._taper) ** 2 / (2.0 * np.sum(self._taper**2)))
         each = 0.5 * power * size / (1.0 + size) - np.log1p(size)
-        return np.asarray(logsumexp(each, axis=0) - np.log(SIZES.size * self.frequencies.size))
+        return np.asarray(logsumexp(each, axis=0) - np.log(COEFFICIENT_SD_GRID.size * self.frequencies.size))
 
     def band(self, residuals: Floats) -> StatedBand:
-        """The one of `BANDS` equal bands whose mean power deviates most, in standard errors.
+        """The one of `SPECTRUM_BANDS` equal bands whose mean power deviates most, in standard errors.
 
         Under the taper neighbouring frequencies are not independent; half as many as there are stand for them.
         """
         power = 0.5 * self._power(residuals)[:, 0]
-        parts = np.array_split(np.arange(power.size), BANDS)
+        parts = np.array_split(np.arange(power.size), SPECTRUM_BANDS)
         ratio = np.array([power[p].mean() for p in parts])
         free = np.array([p.size for p in parts], dtype=float)  # twice a half
         p_each = 2.0 * np.minimum(chi2.sf(ratio * free, free), chi2.cdf(ratio * free, free))
         worst = int(np.argmin(p_each))
         low, high = parts[worst][0], parts[worst][-1]
-        p_value = float(-np.expm1(BANDS * np.log1p(-min(float(p_each[worst]), 1.0 - 1e-16))))
+        p_value = float(-np.expm1(SPECTRUM_BANDS * np.log1p(-min(float(p_each[worst]), 1.0 - 1e-16))))
         return StatedBand(
             start=float(self.frequencies[low]),
             stop=float(self.frequencies[high]),
@@ -223,7 +225,7 @@ def _clock(history: History) -> tuple[Floats, str]:
         steps = np.diff(time)
         within = steps[~starts(history.inputs)[1:]]
         usual = float(np.median(within)) if within.size else 0.0
-        if usual > 0.0 and np.all(np.abs(within - usual) <= UNEVEN * usual):
+        if usual > 0.0 and np.all(np.abs(within - usual) <= UNEVEN_STEP_SPREAD * usual):
             return np.asarray(usual * np.arange(float(time.size))), "Hz"
         if usual > 0.0 and within.size == steps.size and np.all(steps >= 0.0):
             return time - time[0], "Hz"
@@ -232,7 +234,7 @@ def _clock(history: History) -> tuple[Floats, str]:
 
 def _level(power: Floats) -> Floats:
     """Mean power (F, S) of the frequencies beside each, itself and its neighbours left out."""
-    near, far = BESIDE
+    near, far = BACKGROUND_STEPS
     total = np.cumsum(np.concatenate([np.zeros((1, power.shape[1])), power]), axis=0)
     i = np.arange(len(power))
 

@@ -16,9 +16,9 @@ from sma_bayes.arrays import Floats
 from sma_bayes.effects.scatter import MEMBER
 from sma_bayes.effects.types import Effect
 from sma_bayes.studies.gap.fitting import FittedHypothesis, fit_hypothesis, stacked
-from sma_bayes.studies.gap.flexible import SIZES, Term, TermEvidence, gains
+from sma_bayes.studies.gap.flexible import COEFFICIENT_SD_GRID, Term, TermEvidence, gains
 
-MOSTLY: Final = 0.5
+LEAST_SHARE_OF_LAW: Final = 0.5
 """Share of the log Bayes factor of a random effect that a law must have to be preferred to it."""
 
 
@@ -69,7 +69,7 @@ def lay_together(fitted: FittedHypothesis, effect: Effect) -> StackedColumns:
         return StackedColumns(-np.inf, start, None)
     whitened = fitted.whiten(columns.T).T
     a, b = whitened.T @ fitted.project_out(whitened), whitened.T @ fitted.left
-    best = max((_members(a, b, size) for size in SIZES), key=lambda m: m[0])
+    best = max((_members(a, b, size) for size in COEFFICIENT_SD_GRID), key=lambda m: m[0])
     _, size, weight = best
     place = fitted.z.size
     start[place] += np.log(size)

@@ -25,7 +25,7 @@ from sma_bayes.studies.gap.schema import (
 
 G = TypeVar("G", bound=GapOfModel)
 
-PREDICTED = ("measured", "before", "after")
+PREDICTED_COLUMNS = ("measured", "before", "after")
 """Columns of the series in the unit of the channel; what effects add are differences of such values."""
 
 
@@ -138,7 +138,7 @@ def _samples(study: StoredStudy, units: Shown) -> Samples:
     added = [f"{e.id}_{q}" for e in study.effects for q in ("q05", "median", "q95")]
     for channel, facts in study.part.channels.items():
         own = study.samples.words["channel"] == channel
-        for difference, names in ((False, PREDICTED), (True, added)):
+        for difference, names in ((False, PREDICTED_COLUMNS), (True, added)):
             u = shown_as(facts.unit, units, facts.name, difference=difference)
             for name in (n for n in names if n in numbers):
                 numbers[name] = np.where(own, u.values(numbers[name]), numbers[name])

@@ -7,7 +7,7 @@ from scipy.interpolate import BSpline
 
 from sma_bayes.arrays import Floats
 
-MOST_CYCLES = 8
+MAX_CYCLE_COLUMNS = 8
 """Cycles that get a column of their own; where there are more, neighbours share one."""
 
 
@@ -31,9 +31,9 @@ def indicators(labels: Floats) -> Floats:
 
 
 def grouped(cycle: Floats) -> Floats:
-    """Cycles, neighbours joined where there are more than `MOST_CYCLES`."""
+    """Cycles, neighbours joined where there are more than `MAX_CYCLE_COLUMNS`."""
     distinct, index = np.unique(cycle, return_inverse=True)
-    return np.asarray(np.floor(index * min(1.0, MOST_CYCLES / distinct.size)))
+    return np.asarray(np.floor(index * min(1.0, MAX_CYCLE_COLUMNS / distinct.size)))
 
 
 def row_tensor_product(a: Floats, b: Floats) -> Floats:

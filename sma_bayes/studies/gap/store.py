@@ -15,7 +15,7 @@ from sma_bayes.sampling.ensembles import Draws
 from sma_bayes.studies.gap.outcome import HEATING, GapOutcome
 from sma_bayes.studies.gap.series import joined, series_columns, series_of
 
-KEPT = 500
+DRAWS_PER_ENSEMBLE = 500
 """Draws of each ensemble that are stored at most."""
 PRIOR_DRAWS = 2000
 
@@ -61,7 +61,7 @@ def posterior_tree(outcome: GapOutcome, draws: Draws, seed: int) -> Any:
 
     space = outcome.study.final.hypothesis.space
     groups, steps, walkers, _ = draws.z.shape
-    kept = np.linspace(0, steps * walkers - 1, min(KEPT, steps * walkers)).round().astype(int)
+    kept = np.linspace(0, steps * walkers - 1, min(DRAWS_PER_ENSEMBLE, steps * walkers)).round().astype(int)
     z = np.swapaxes(draws.z, 1, 2).reshape(groups, steps * walkers, -1)[:, kept]
     theta = space.constrain(z)
     lp = np.swapaxes(draws.log_prob, 1, 2).reshape(groups, -1)[:, kept]

@@ -26,9 +26,9 @@ from sma_bayes.studies.gap.flexible import FlexibleTerms, gains, offer, terms_of
 from sma_bayes.studies.gap.hypothesis import Hypothesis, baseline
 from sma_bayes.studies.gap.locate import SHUFFLES, Disagreement, DisagreementTest, disagreements, look
 from sma_bayes.studies.gap.name import (
-    MISSHAPEN,
-    REFITTED,
-    WORTH,
+    LEAST_LN_BAYES_FACTOR,
+    MAX_REFITS,
+    MISFIT_LN_BAYES_FACTOR,
     Candidate,
     Rivals,
     candidates,
@@ -40,36 +40,36 @@ from sma_bayes.studies.gap.name import (
     signature_at_mode,
 )
 from sma_bayes.studies.gap.one_stage import OneStageShapes
-from sma_bayes.studies.gap.scatter import MOSTLY, holds_beside, members_of
+from sma_bayes.studies.gap.scatter import LEAST_SHARE_OF_LAW, holds_beside, members_of
 from sma_bayes.studies.gap.schema import StatedPeriodicity, Verdict
 
-SIGNIFICANT = 0.02
+SIGNIFICANT_P = 0.02
 """Global p-value up to which a disagreement counts as more than chance."""
-APART = 3.0
+LN_BAYES_FACTOR_TOLD_APART = 3.0
 """Least difference of ln Bayes factors by which data tell two effects apart."""
-CARRIED = 0.85
+LEAST_SHARE_CARRIED = 0.85
 """Share that all effects together must carry of what they and flexible terms on top of them explain, shape apart."""
-FURTHER = 0.2
+LEAST_FURTHER_SHARE = 0.2
 """Share of what the effects before it explain that a further one must bring: less may be the form of these."""
-ENDS_IT = 0.5
+LEAST_FURTHER_SHARE_OF_LAST = 0.5
 """Share of that which is enough where nothing is left to explain afterwards: what a form leaves has no such end."""
-OWN_FORM = 0.03
+LEAST_SHARE_BESIDE_FORMS = 0.03
 """Share of what a further effect explains that it must explain beside other forms of those before it, in any case. What
 the second laws of the gap benchmark leave of their effects has 0.025 at most, and 0.013 where it would get a name;
 another effect 0.05 to 1."""
-BEYOND_FORM = 0.2
+ENOUGH_SHARE_BESIDE_FORMS = 0.2
 """That share from which on a law is enough however little it explains beside those before it."""
-FIRST_OF_SEVERAL = 3
+MAX_FIRST_EFFECTS = 3
 """How many effects, best first, are tried as the first of several where no single one is added."""
-AT_ONCE = 3
+MAX_EFFECTS_AT_ONCE = 3
 """How many effects are added at once, at most."""
-HALF_WAY = 0.5
+LEAST_SHARE_OF_TWO = 0.5
 """What two effects must explain of what the best flexible term does, for a third to be tried beside them."""
-WIDE = 2
+MAX_PAIRS = 2
 """Sets of two effects, best first, beside which a third is tried."""
-FEW = 100
+SHUFFLES_OF_SEVERAL = 100
 """Shuffles of the looks between several effects that are added at once."""
-MOST = 4
+MAX_EFFECTS = 4
 """Greatest number of effects that are added."""
 
 
@@ -104,7 +104,11 @@ class Step:
     def only_shape(self) -> bool:
         """Whether a curve of another shape, the same in every sweep and condition, leaves nothing to explain."""
         found = self.flexible
-        return found is not None and found.shape >= MISSHAPEN and worth_of(found.beyond) < WORTH
+        return (
+            found is not None
+            and found.shape >= MISFIT_LN_BAYES_FACTOR
+            and worth_of(found.beyond) < LEAST_LN_BAYES_FACTOR
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -124,8 +128,8 @@ class GapStudy:
         Log Bayes factor of all effects over the baseline, with the noise of the final model.
     carried : float
         Share that the effects carry of what they and the best flexible term on top of them explain; beside a curve that
-        is free to have any shape, the same in every cycle and condition, where that share is greater and `BEYOND` of
-        what they explain lies there.
+        is free to have any shape, the same in every cycle and condition, where that share is greater and
+        `LEAST_SHARE_BEYOND_SHAPE` of what they explain lies there.
     """
 
     verdict: Verdict
@@ -149,12 +153,12 @@ class GapStudy:
     @property
     def periodic(self) -> tuple[StatedPeriodicity, ...]:
         """Lines of spectra that the final model leaves."""
-        return self.left.periodic if self.left.p_value <= SIGNIFICANT else ()
+        return self.left.periodic if self.left.p_value <= SIGNIFICANT_P else ()
 
     @property
     def remainder(self) -> float:
         """Share of what can be explained that is left to the best flexible term, be it the shape of the curve."""
-        rest = self.left.best.ln_bayes_factor if self.left.p_value <= SIGNIFICANT else 0.0
+        rest = self.left.best.ln_bayes_factor if self.left.p_value <= SIGNIFICANT_P else 0.0
         return 1.0 - share_of(self.explained, rest)
 
     @property
@@ -220,21 +224,21 @@ def study_from(
     exchanges = 0
     while True:
         tell(f"looking for disagreements, round {len(steps) + 1}")
-        least = max(WORTH, FURTHER * explained)
+        least = max(LEAST_LN_BAYES_FACTOR, LEAST_FURTHER_SHARE * explained)
         apart = least_by_channel(current, steps)
-        full = len(current.hypothesis.effects) == MOST
+        full = len(current.hypothesis.effects) == MAX_EFFECTS
         found = [one_round(current, effects, rng, last=full, least=least, apart=apart)]
         one = found[0].chosen
         alone = one is not None and not members_of(one.effect)
-        missing = not alone and len(current.hypothesis.effects) <= MOST - 2
+        missing = not alone and len(current.hypothesis.effects) <= MAX_EFFECTS - 2
         lacking = _lacking(found[0], bare, current, explained)
         if missing and (lacking or (steps and _something_else(found[0]))):
             tell(f"trying several effects at once, round {len(steps) + 1}")
             laws = effects if one is None else {k: e for k, e in effects.items() if not members_of(e)}
-            over = WORTH if one is None else MOSTLY * one.ln_bayes_factor
-            most = MOST - len(current.hypothesis.effects)
+            over = LEAST_LN_BAYES_FACTOR if one is None else LEAST_SHARE_OF_LAW * one.ln_bayes_factor
+            most = MAX_EFFECTS - len(current.hypothesis.effects)
             found = several_rounds(found[0], laws, rng, least, over, most=most) or found
-        if found[-1].chosen is None and exchanges < MOST:
+        if found[-1].chosen is None and exchanges < MAX_EFFECTS:
             tell("looking at each effect beside the others")
             exchanges += 1
             again, better = beside_the_others(current, steps, effects, rng)
@@ -251,7 +255,11 @@ def study_from(
     where = disagreements(first, _covariates(first))
     carried = _carried(steps[-1].look, bare, current, explained)
     verdict: Verdict = (
-        "none" if steps[0].look.p_value > SIGNIFICANT else "named" if carried >= CARRIED else "unnamed"
+        "none"
+        if steps[0].look.p_value > SIGNIFICANT_P
+        else "named"
+        if carried >= LEAST_SHARE_CARRIED
+        else "unnamed"
     )
     return GapStudy(verdict, first, current, tuple(steps), tuple(where), explained, carried)
 
@@ -262,9 +270,9 @@ def one_round(
     rng: np.random.Generator,
     *,
     last: bool = False,
-    least: float = WORTH,
+    least: float = LEAST_LN_BAYES_FACTOR,
     apart: Mapping[str, float] = MappingProxyType({}),
-    refitted: int = REFITTED,
+    refitted: int = MAX_REFITS,
     steps: bool = True,
     shuffles: int = SHUFFLES,
 ) -> Step:
@@ -278,7 +286,8 @@ def one_round(
     last : bool
         Whether to look only.
     least : float
-        Log Bayes factor that an effect has to bring; `ENDS_IT` of it where it leaves nothing to explain.
+        Log Bayes factor that an effect has to bring; `LEAST_FURTHER_SHARE_OF_LAST` of it where it leaves nothing to
+        explain.
     apart : mapping of str to float
         What is enough in one channel by itself; see `least_by_channel`.
     refitted : int
@@ -290,12 +299,16 @@ def one_round(
     """
     screened, untested = screen_all(current, effects.values())
     seen = look(current, screened, rng, shuffles)
-    refit = not last and seen.p_value <= SIGNIFICANT
+    refit = not last and seen.p_value <= SIGNIFICANT_P
     rivals = Rivals.of(current, seen.gains) if refit else None
     tried = candidates(current, screened, seen.gains, rivals, most=refitted, steps=steps)
     terms = None if rivals is None else rivals.terms
     fitted = [c for c in tried if c.fitted is not None]
-    enough = [c for c in fitted if _is_enough(c, current, ENDS_IT * least if _ends_it(c) else least, apart)]
+    enough = [
+        c
+        for c in fitted
+        if _is_enough(c, current, LEAST_FURTHER_SHARE_OF_LAST * least if _ends_it(c) else least, apart)
+    ]
     worthy = _laws_first([c for c in enough if is_worthy(c)])
     if not worthy:
         return Step(current, seen, (*tried, *untested), None, (), terms)
@@ -323,10 +336,16 @@ def beside_the_others(
     for effect in current.hypothesis.effects[:-1]:
         rest = _without(current, effect)
         worth = current.ln_evidence - rest.ln_evidence
-        step = one_round(rest, effects, rng, refitted=FIRST_OF_SEVERAL, steps=False, shuffles=FEW)
+        step = one_round(
+            rest, effects, rng, refitted=MAX_FIRST_EFFECTS, steps=False, shuffles=SHUFFLES_OF_SEVERAL
+        )
         fitted = [c for c in step.candidates if c.fitted is not None]
         better = [
-            c for c in fitted if _holds(c) and not members_of(c.effect) and c.ln_bayes_factor >= worth + APART
+            c
+            for c in fitted
+            if _is_worthy_beside_others(c)
+            and not members_of(c.effect)
+            and c.ln_bayes_factor >= worth + LN_BAYES_FACTOR_TOLD_APART
         ]
         own = [c for c in fitted if c.effect.id == effect.id]
         for chosen in (better or own)[:1]:
@@ -356,7 +375,9 @@ def least_by_channel(current: FittedHypothesis, steps: Sequence[Step]) -> dict[s
         added = added_by(effect, current.hypothesis, current.blocks, current.theta)
         for channel in {b.channel for b in current.blocks if np.any(added[b.at])}:
             before[channel] += brought.get(effect.id, 0.0)  # 0 of what the loop began with
-    return {channel: max(MISSHAPEN, FURTHER * much) for channel, much in before.items()}
+    return {
+        channel: max(MISFIT_LN_BAYES_FACTOR, LEAST_FURTHER_SHARE * much) for channel, much in before.items()
+    }
 
 
 def _is_apart(candidate: Candidate, current: FittedHypothesis, least: Mapping[str, float]) -> bool:
@@ -366,12 +387,14 @@ def _is_apart(candidate: Candidate, current: FittedHypothesis, least: Mapping[st
     of its own explains a part of anything, so that it has to carry most of what there is.
     """
     found, beside = candidate.fitted, candidate.beside
-    if found is None or (members_of(candidate.effect) and (beside is None or beside.carried < CARRIED)):
+    if found is None or (
+        members_of(candidate.effect) and (beside is None or beside.carried < LEAST_SHARE_CARRIED)
+    ):
         return False
     gained = current.whitened**2 - found.whitened**2
     own = {c: sum(float(gained[b.at].sum()) for b in current.blocks if b.channel == c) for c in least}
     whole = sum(max(g, 0.0) for g in own.values())
-    needed = FURTHER * candidate.ln_bayes_factor
+    needed = LEAST_FURTHER_SHARE * candidate.ln_bayes_factor
     return any(candidate.ln_bayes_factor * g >= max(least[c], needed) * whole > 0.0 for c, g in own.items())
 
 
@@ -380,15 +403,19 @@ def _is_enough(
 ) -> bool:
     """Whether an effect explains so much, or something so different, that it is not the form of those before."""
     if candidate.ln_bayes_factor >= least or _is_apart(candidate, current, apart):
-        return candidate.beyond_form >= OWN_FORM
-    carries = candidate.beside is not None and candidate.beside.carried >= CARRIED
+        return candidate.beyond_form >= LEAST_SHARE_BESIDE_FORMS
+    carries = candidate.beside is not None and candidate.beside.carried >= LEAST_SHARE_CARRIED
     return carries and _is_surely_another(candidate)
 
 
 def _is_surely_another(candidate: Candidate) -> bool:
     """Whether a law surely explains something else than what the form of the effects before it may leave."""
     law = not members_of(candidate.effect)
-    return law and candidate.ln_bayes_factor >= MISSHAPEN and candidate.beyond_form >= BEYOND_FORM
+    return (
+        law
+        and candidate.ln_bayes_factor >= MISFIT_LN_BAYES_FACTOR
+        and candidate.beyond_form >= ENOUGH_SHARE_BESIDE_FORMS
+    )
 
 
 def _ends_it(candidate: Candidate) -> bool:
@@ -403,7 +430,11 @@ def _preferred(worthy: Sequence[Candidate]) -> Candidate:
         return first
     laws = [c for c in worthy if c.beside and c.beside.shape_apart and not members_of(c.effect)]
     other = max(laws, key=lambda c: c.evidence_like(first))
-    return other if other.evidence_like(first) >= first.evidence_like(first) + APART else first
+    return (
+        other
+        if other.evidence_like(first) >= first.evidence_like(first) + LN_BAYES_FACTOR_TOLD_APART
+        else first
+    )
 
 
 def _laws_first(worthy: Sequence[Candidate]) -> list[Candidate]:
@@ -419,7 +450,7 @@ def _laws_first(worthy: Sequence[Candidate]) -> list[Candidate]:
         and (
             c.ln_bayes_factor >= free.ln_bayes_factor
             or (
-                c.ln_bayes_factor >= MOSTLY * free.ln_bayes_factor
+                c.ln_bayes_factor >= LEAST_SHARE_OF_LAW * free.ln_bayes_factor
                 and holds_beside(c.effect, random[0].fitted, c.fitted)
             )
         )
@@ -432,13 +463,15 @@ def is_worthy(candidate: Candidate) -> bool:
 
     In the place of such functions it must be worth more than the flexible terms that contain its signature
     (`flexible_alternative`). Beside them, the effect with the best flexible term on top must be worth more than such a
-    term alone, by `WORTH`, and the effect must carry `CARRIED_BESIDE` of what the two explain.
+    term alone, by `LEAST_LN_BAYES_FACTOR`, and the effect must carry `LEAST_SHARE_BESIDE_FLEXIBLE` of what the two
+    explain.
 
     The shape of the curve is a rival in the same two ways. In its place the effect must be worth more than every shape
-    that one stage can have, by `WORTH`. Beside a curve of any shape, the same in every sweep and condition, it must
-    still be worth `WORTH`, and `BEYOND` of what it is worth without one, and carry `CARRIED_BESIDE` of what can be
-    explained. A further stage of the transformation has to be worth more than the shapes of one. And the numbers of the
-    effect must be those of the mechanism.
+    that one stage can have, by `LEAST_LN_BAYES_FACTOR`. Beside a curve of any shape, the same in every sweep and
+    condition, it must still be worth `LEAST_LN_BAYES_FACTOR`, and `LEAST_SHARE_BEYOND_SHAPE` of what it is
+    worth without one, and carry `LEAST_SHARE_BESIDE_FLEXIBLE` of what can be explained. A further stage of the
+    transformation has to be worth more than the shapes of one. And the numbers of the effect must be those of the
+    mechanism.
     """
     return candidate.worthy
 
@@ -446,7 +479,9 @@ def is_worthy(candidate: Candidate) -> bool:
 def _like(best: Candidate, fitted: Sequence[Candidate]) -> tuple[str, ...]:
     """Names of the effects that the data can't tell from one, itself first."""
     rivals = [c for c in fitted if c is not best and c.plausible and not members_of(c.effect)]
-    near = [c for c in rivals if c.evidence_like(best) >= best.evidence_like(best) - APART]
+    near = [
+        c for c in rivals if c.evidence_like(best) >= best.evidence_like(best) - LN_BAYES_FACTOR_TOLD_APART
+    ]
     return (best.effect.id, *(c.effect.id for c in near))
 
 
@@ -454,43 +489,43 @@ def several_rounds(
     first: Step,
     effects: Mapping[str, Effect],
     rng: np.random.Generator,
-    least: float = WORTH,
-    over: float = WORTH,
-    most: int = AT_ONCE,
+    least: float = LEAST_LN_BAYES_FACTOR,
+    over: float = LEAST_LN_BAYES_FACTOR,
+    most: int = MAX_EFFECTS_AT_ONCE,
 ) -> list[Step]:
     """Two effects at once, or three, where no single one deserves to be added; empty where these don't either.
 
     With others still missing, a flexible term that takes part of all can beat each of them. So each is judged anew
     beside the others, by the same rules, and may not be what the form of greater ones leaves; and since there are many
     such sets, some of which mimic an effect that is not in the catalogue, all together have to be worth more than the
-    best flexible term, by `WORTH`, at least `over`, and at least `least` unless each explains something else than the
-    form of those before it may leave. Sets begin with one of the best laws, of random effects only where there are
-    none, and grow by the best on top of them; three are tried where no two do.
+    best flexible term, by `LEAST_LN_BAYES_FACTOR`, at least `over`, and at least `least` unless each explains something
+    else than the form of those before it may leave. Sets begin with one of the best laws, of random effects only where
+    there are none, and grow by the best on top of them; three are tried where no two do.
 
     Where another shape of the curve would explain all there is, only two laws are tried, each of which explains half of
     that, and together they have to be worth more than every shape that one stage can have and a free one.
     """
     promising = [c for c in _promising(first) if c.effect.id in effects]
     best = first.look.best.ln_bayes_factor
-    needed, share = max(over, best + WORTH), FURTHER
+    needed, share = max(over, best + LEAST_LN_BAYES_FACTOR), LEAST_FURTHER_SHARE
     begin = [c for c in promising if not members_of(c.effect)]
     if first.only_shape:
         effects = {name: e for name, e in effects.items() if not members_of(e)}
-        needed, share, most = max(needed, shape_of(first) + WORTH), HALF_WAY, 2
+        needed, share, most = max(needed, shape_of(first) + LEAST_LN_BAYES_FACTOR), LEAST_SHARE_OF_TWO, 2
     elif not begin:
         begin = promising
     chains = [
         [_added(first, one, promising)]
-        for one in begin[:FIRST_OF_SEVERAL]
+        for one in begin[:MAX_FIRST_EFFECTS]
         if one.ln_bayes_factor >= share * best
     ]
-    for _ in range(1, min(AT_ONCE, most)):
+    for _ in range(1, min(MAX_EFFECTS_AT_ONCE, most)):
         grown = _different([longer for chain in chains if (longer := _grown(chain, effects, rng))])
         for chain in grown:
             enough = _together(chain) >= least or _each_is_another(chain)
-            if _together(chain) >= needed and enough and _hold_together(chain):
+            if _together(chain) >= needed and enough and _are_worthy_together(chain):
                 return chain
-        chains = [c for c in grown if _together(c) >= HALF_WAY * best][:WIDE]
+        chains = [c for c in grown if _together(c) >= LEAST_SHARE_OF_TWO * best][:MAX_PAIRS]
     return []
 
 
@@ -509,7 +544,11 @@ def _different(chains: Sequence[list[Step]]) -> list[list[Step]]:
 
 def _promising(step: Step) -> list[Candidate]:
     """What was refitted and is worth something, best first."""
-    return [c for c in step.candidates if c.fitted is not None and c.plausible and c.ln_bayes_factor >= WORTH]
+    return [
+        c
+        for c in step.candidates
+        if c.fitted is not None and c.plausible and c.ln_bayes_factor >= LEAST_LN_BAYES_FACTOR
+    ]
 
 
 def _added(step: Step, one: Candidate, promising: Sequence[Candidate]) -> Step:
@@ -525,9 +564,9 @@ def _grown(chain: Sequence[Step], effects: Mapping[str, Effect], rng: np.random.
         fit_with_noise(last.fitted.hypothesis, last.fitted.z),
         effects,
         rng,
-        refitted=FIRST_OF_SEVERAL,
+        refitted=MAX_FIRST_EFFECTS,
         steps=False,
-        shuffles=FEW,
+        shuffles=SHUFFLES_OF_SEVERAL,
     )
     promising = _promising(step)
     chosen = step.chosen or next(iter(promising), None)
@@ -540,38 +579,42 @@ def _together(chain: Sequence[Step]) -> float:
 
 def _something_else(step: Step) -> bool:
     """Whether a law explains something that no other form of the effects before it does, though not all of it."""
-    return step.look.p_value <= SIGNIFICANT and any(map(_is_surely_another, _promising(step)))
+    return step.look.p_value <= SIGNIFICANT_P and any(map(_is_surely_another, _promising(step)))
 
 
 def _each_is_another(chain: Sequence[Step]) -> bool:
     return all(_is_surely_another(s.chosen) for s in chain if s.chosen is not None)
 
 
-def _hold_together(chain: Sequence[Step]) -> bool:
+def _are_worthy_together(chain: Sequence[Step]) -> bool:
     """Whether each of several effects would be added to a model that has the others already."""
     last = chain[-1].chosen
-    if last is None or last.fitted is None or not _holds(last):
+    if last is None or last.fitted is None or not _is_worthy_beside_others(last):
         return False
-    return all(_holds(_beside_the_others(last.fitted, e)) for e in last.fitted.hypothesis.effects[:-1])
+    return all(
+        _is_worthy_beside_others(_beside_the_others(last.fitted, e))
+        for e in last.fitted.hypothesis.effects[:-1]
+    )
 
 
-def _holds(candidate: Candidate) -> bool:
+def _is_worthy_beside_others(candidate: Candidate) -> bool:
     """Whether an effect beside others is worthy and not what the form of greater ones leaves."""
-    return is_worthy(candidate) and not _is_form(candidate)
+    return is_worthy(candidate) and not _may_be_left_by_form(candidate)
 
 
-def _is_form(candidate: Candidate) -> bool:
-    """Whether an effect may be what the form of greater ones beside it leaves: less than `FURTHER` of each of these.
+def _may_be_left_by_form(candidate: Candidate) -> bool:
+    """Whether an effect may be what the form of greater ones beside it leaves.
 
-    More than that is left by no effect that would have a name by itself.
+    That is less than `LEAST_FURTHER_SHARE` of each of these. More than that is left by no effect that would
+    have a name by itself.
     """
     whole = candidate.fitted
-    if whole is None or candidate.beyond_form >= OWN_FORM:
+    if whole is None or candidate.beyond_form >= LEAST_SHARE_BESIDE_FORMS:
         return False
     rest = _without(whole, candidate.effect)
     worth = {e: rest.ln_evidence - _without(rest, e).ln_evidence for e in rest.hypothesis.effects}
-    greater = [e for e, much in worth.items() if candidate.ln_bayes_factor < FURTHER * much]
-    return EffectForms(rest, greater).share_beyond(signature_at_mode(rest, whole)) < OWN_FORM
+    greater = [e for e, much in worth.items() if candidate.ln_bayes_factor < LEAST_FURTHER_SHARE * much]
+    return EffectForms(rest, greater).share_beyond(signature_at_mode(rest, whole)) < LEAST_SHARE_BESIDE_FORMS
 
 
 def _beside_the_others(whole: FittedHypothesis, effect: Effect) -> Candidate:
@@ -588,7 +631,7 @@ def without_needless(fitted: FittedHypothesis) -> FittedHypothesis:
     while len(fitted.hypothesis.effects) > 1:
         reduced = [_without(fitted, e) for e in fitted.hypothesis.effects[:-1]]
         best = max(reduced, key=lambda r: r.ln_evidence)
-        if best.ln_evidence < fitted.ln_evidence - WORTH:
+        if best.ln_evidence < fitted.ln_evidence - LEAST_LN_BAYES_FACTOR:
             return fitted
         fitted = best
     return fitted
@@ -617,19 +660,22 @@ def _start_from(fitted: FittedHypothesis, hypothesis: Hypothesis) -> Floats:
 
 def _lacking(last: Step, bare: FittedHypothesis, current: FittedHypothesis, explained: float) -> bool:
     """Whether the effects that there are carry too little for a name."""
-    return last.look.p_value <= SIGNIFICANT and _carried(last.look, bare, current, explained) < CARRIED
+    return (
+        last.look.p_value <= SIGNIFICANT_P
+        and _carried(last.look, bare, current, explained) < LEAST_SHARE_CARRIED
+    )
 
 
 def _carried(
     left: DisagreementTest, bare: FittedHypothesis, final: FittedHypothesis, explained: float
 ) -> float:
     """See `GapStudy.carried`: the greater share, with the shape of the curve or beside it."""
-    if left.p_value > SIGNIFICANT or explained <= 0.0:
+    if left.p_value > SIGNIFICANT_P or explained <= 0.0:
         return share_of(explained, 0.0)
     before, after = offer(bare), offer(final, left.gains)
     plain = share_of(explained, worth_of(after.best))
     own = after.free - before.free
-    if after.shape < MISSHAPEN or not is_beyond_shape(own, explained):
+    if after.shape < MISFIT_LN_BAYES_FACTOR or not is_beyond_shape(own, explained):
         return plain
     return max(plain, share_of(own, worth_of(after.beyond)))
 

@@ -38,28 +38,28 @@ from sma_bayes.studies.gap.study import heat_balance
 NUMBERS: Final = ("offset", "stroke", "shift", "width")
 LEAST_SAMPLES: Final = 8
 """Fewest samples of a sweep that gets numbers of its own."""
-MOST_SWEEPS: Final = 400
+MAX_SWEEPS: Final = 400
 """Greatest number of sweeps that are looked at one by one."""
-MOST_SAMPLES: Final = 200
+MAX_SAMPLES: Final = 200
 """Samples of a sweep that are used, evenly spread; four numbers need no more."""
 LEAST_CYCLES: Final = 5
 """Fewest cycles whose exchange tells chance: of 120 orders one is the one that was measured."""
-EXCHANGES: Final = 2000
+MAX_EXCHANGES: Final = 2000
 """Orders that are tried where there are more."""
-PACES: Final = (0.3, 1.0, 2.0, 3.0, 5.0, 8.0, 13.0, 20.0, 50.0)
+N0_GRID: Final = (0.3, 1.0, 2.0, 3.0, 5.0, 8.0, 13.0, 20.0, 50.0)
 """Cycles N0 that are tried in either law."""
-NOISE: Final = 0.02
+LEAST_NOISE: Final = 0.02
 """Least scatter about an affine curve that is reckoned with [spans]."""
 PRIOR_SD: Final = (0.5, 0.5, 20.0, 0.5)
 """How far numbers may go: offset in spans, ln stroke, shift [K], ln width."""
-REPRODUCED: Final = {"stroke": 0.05, "shift": 1.0, "width": 0.1, "gain": 0.1, "loss": 0.2}
+USUAL_SCATTER: Final = {"stroke": 0.05, "shift": 1.0, "width": 0.1, "gain": 0.1, "loss": 0.2}
 """How well one specimen in one rig usually repeats: a shift in kelvins, the others as logarithms. An offset is that of
 the zero, which is set anew for every run."""
-BELIEF: Final = 4.0
+USUAL_SCATTER_DF: Final = 4.0
 """Degrees of freedom that this is worth beside what the records themselves show."""
-LEAST_ALIKE: Final = 3
+LEAST_CONDITIONS: Final = 3
 """Fewest conditions of which one can be unlike the others."""
-SUSPECT: Final = 0.05
+SUSPECT_P: Final = 0.05
 """Probability, over all numbers and conditions of a group, up to which a record counts as unlike the others."""
 
 
@@ -101,12 +101,12 @@ def sweep_numbers(fitted: FittedHypothesis, *, reference: int | None = None) -> 
     Returns
     -------
     list of SweepNumbers
-        Empty where neither was observed, or there are more sweeps than `MOST_SWEEPS`.
+        Empty where neither was observed, or there are more sweeps than `MAX_SWEEPS`.
     """
     hypothesis = fitted.hypothesis
     count = sum(np.unique(h.inputs["segment"]).size for h in hypothesis.histories)
     channel = next((c for c in ("displacement", "force") if c in hypothesis.channels), None)
-    if channel is None or count > MOST_SWEEPS:
+    if channel is None or count > MAX_SWEEPS:
         return []
     out = []
     for i, h in enumerate(hypothesis.histories):
@@ -129,7 +129,7 @@ def _sweeps(history: History) -> Iterator[NDArray[np.intp]]:
     for segment in np.unique(history.inputs["segment"]):
         on = np.flatnonzero(history.inputs["segment"] == segment)
         if on.size >= LEAST_SAMPLES:
-            yield on[:: -(-on.size // MOST_SAMPLES)]
+            yield on[:: -(-on.size // MAX_SAMPLES)]
 
 
 def _affine(response: Response, inputs: Inputs, y: Floats, channel: str) -> tuple[Four, Four]:
@@ -144,7 +144,7 @@ def _affine(response: Response, inputs: Inputs, y: Floats, channel: str) -> tupl
         there = middle + (temperature - middle - shift) / np.exp(width)
         curve = response({**inputs, "temperature": there})[channel]
         read = plain.cold + offset * span + np.exp(stroke) * (curve - plain.cold)
-        return np.concatenate([(y - read) / (NOISE * span), p])
+        return np.concatenate([(y - read) / (LEAST_NOISE * span), p])
 
     found = least_squares(left, np.zeros(4), method="lm", max_nfev=200)
     p = found.x * width_of
@@ -232,7 +232,7 @@ def _best_law(tables: Sequence[Table]) -> tuple[tuple[str, float], float, float]
     left = {
         (form, pace): _share_left(tables, form, pace)
         for form in ("exponential", "logarithmic")
-        for pace in PACES
+        for pace in N0_GRID
     }
     best = min(left, key=lambda k: left[k])
     return best, left[best], min(v for k, v in left.items() if k[0] != best[0])
@@ -258,7 +258,7 @@ def _exchanged(tables: Sequence[Table], rng: np.random.Generator) -> Iterator[li
             if order != tuple(range(len(cycles))):
                 yield [(cycles, values[list(order)])]
         return
-    for _ in range(EXCHANGES):
+    for _ in range(MAX_EXCHANGES):
         yield [(cycles, rng.permutation(values)) for cycles, values in tables]
 
 
@@ -282,12 +282,12 @@ def suspects(fitted: FittedHypothesis) -> list[StatedSuspect]:
 
 
 def _alike(histories: Sequence[History]) -> list[list[int]]:
-    """Conditions of the same settings, where there are `LEAST_ALIKE`."""
+    """Conditions of the same settings, where there are `LEAST_CONDITIONS`."""
     groups: dict[tuple[object, ...], list[int]] = {}
     for i, h in enumerate(histories):
         c = h.condition
         groups.setdefault((c.load, c.current, c.frequency, c.duty_cycle), []).append(i)
-    return [g for g in groups.values() if len(g) >= LEAST_ALIKE]
+    return [g for g in groups.values() if len(g) >= LEAST_CONDITIONS]
 
 
 Quantities = Mapping[str, Mapping[str, tuple[float, float]]]
@@ -319,7 +319,7 @@ def _means(fitted: FittedHypothesis, group: Sequence[int]) -> tuple[Quantities, 
 
 def _unlike(values: Quantities, units: Mapping[str, str]) -> list[StatedSuspect]:
     """Conditions whose quantity lies apart from the others' by a moderated t statistic."""
-    if len(values) < LEAST_ALIKE:
+    if len(values) < LEAST_CONDITIONS:
         return []
     found = []
     names = list(next(iter(values.values())))
@@ -329,12 +329,14 @@ def _unlike(values: Quantities, units: Mapping[str, str]) -> list[StatedSuspect]
         x = {c: float(np.log(max(v[name][0], 1e-12))) if logs else v[name][0] for c, v in values.items()}
         for condition, value in x.items():
             others = np.array([v for c, v in x.items() if c != condition])
-            dof = BELIEF + others.size - 1
+            dof = USUAL_SCATTER_DF + others.size - 1
             own = values[condition][name][1]
-            spread = (BELIEF * REPRODUCED[kind] ** 2 + np.sum((others - others.mean()) ** 2)) / dof
+            spread = (
+                USUAL_SCATTER_DF * USUAL_SCATTER[kind] ** 2 + np.sum((others - others.mean()) ** 2)
+            ) / dof
             t = abs(value - others.mean()) / np.sqrt(spread * (1.0 + 1.0 / others.size) + own**2)
             p = float(min(2.0 * stats.t.sf(t, dof) * len(names) * len(values), 1.0))
-            if p <= SUSPECT:
+            if p <= SUSPECT_P:
                 mean = float(np.exp(others.mean()) if logs else others.mean())
                 found.append(
                     StatedSuspect(

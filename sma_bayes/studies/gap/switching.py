@@ -16,9 +16,9 @@ import numpy as np
 
 from sma_bayes.arrays import Floats
 
-SIZES = (0.01, 0.02, 0.05, 0.1, 0.2, 0.29, 0.4)
+INSTANT_SD_GRID = (0.01, 0.02, 0.05, 0.1, 0.2, 0.29, 0.4)
 """Standard deviations of instants that are tried, in steps of the record; 0.29 is that of any instant within a step."""
-WORTH = 2.0
+LEAST_LN_LIKELIHOOD_GAIN = 2.0
 """Least gain of log likelihood for which instants count as scattered."""
 
 
@@ -83,8 +83,8 @@ def likeliest_size(parts: Sequence[tuple[Floats, Floats, Floats]]) -> float:
         Of each record: residuals (n,), what passes for misfit (n, k) and the courses of a whole step (n, K), all
         whitened. Misfit is taken out of the others.
     """
-    value = np.zeros(len(SIZES))
-    variance = np.square(SIZES)[:, None]
+    value = np.zeros(len(INSTANT_SD_GRID))
+    variance = np.square(INSTANT_SD_GRID)[:, None]
     for residual, misfit, courses in parts:
         basis = np.linalg.qr(misfit)[0]
         left, own = (x - basis @ (basis.T @ x) for x in (residual, courses))
@@ -94,4 +94,4 @@ def likeliest_size(parts: Sequence[tuple[Floats, Floats, Floats]]) -> float:
         widened = 1.0 + variance * information
         value += np.sum(0.5 * variance * pull**2 / widened - 0.5 * np.log(widened), axis=1)
     best = int(np.argmax(value))
-    return SIZES[best] if value[best] > WORTH else 0.0
+    return INSTANT_SD_GRID[best] if value[best] > LEAST_LN_LIKELIHOOD_GAIN else 0.0

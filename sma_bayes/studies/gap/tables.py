@@ -8,7 +8,7 @@ from typing import Final
 
 from sma_bayes.report.content import INTERVAL, Number
 from sma_bayes.report.notation import unit_label
-from sma_bayes.report.tables import OF_ROW, Column, Table, table_of, words
+from sma_bayes.report.tables import UNIT_OF_ROW, Column, Table, table_of, words
 from sma_bayes.runs.schema import IntervalDocument
 from sma_bayes.studies.gap.outcome import HEATING
 from sma_bayes.studies.gap.outputs import StoredStudy
@@ -43,7 +43,7 @@ ADVICE: Final[Mapping[str, str]] = {
     "plateaus": "sweep from well below to well above the transformation, so that both plateaus show",
 }
 """What to record or vary, for each need of an effect."""
-NOT_THERE: Final = frozenset({"lattice", "flat_tops"})
+UNMEASURABLE_NEEDS: Final = frozenset({"lattice", "flat_tops"})
 """Needs that ask for a mark in the readings: where it is missing there is nothing to test, however one measures."""
 
 
@@ -79,9 +79,9 @@ def closed_table(study: StoredStudy) -> Table:
             Column("after [sd]", "after_sigma", "1"),
             Column("share of the gap closed", "way_to_noise", "1"),
             Column("unit", "unit"),
-            Column("before", "before", OF_ROW),
-            Column("after", "after", OF_ROW),
-            Column("noise", "noise", OF_ROW),
+            Column("before", "before", UNIT_OF_ROW),
+            Column("after", "after", UNIT_OF_ROW),
+            Column("noise", "noise", UNIT_OF_ROW),
         ),
         tuple(
             (
@@ -105,9 +105,9 @@ def heat_balance_table(heating: HeatingFindings) -> Table:
         "standard deviation from switching to switching, in steps.",
         (
             *words("parameter", "meaning", "unit"),
-            Column("5 %", "q05", OF_ROW),
-            Column("median", "median", OF_ROW),
-            Column("95 %", "q95", OF_ROW),
+            Column("5 %", "q05", UNIT_OF_ROW),
+            Column("median", "median", UNIT_OF_ROW),
+            Column("95 %", "q95", UNIT_OF_ROW),
             Column("scatter", "scatter", "1"),
         ),
         tuple(
@@ -134,8 +134,8 @@ def disagreement_table(study: StoredStudy) -> Table:
         (
             Column("rank", "number", "1"),
             *words("condition", "branch", "channel", "covariate"),
-            Column("from", "from", OF_ROW),
-            Column("to", "to", OF_ROW),
+            Column("from", "from", UNIT_OF_ROW),
+            Column("to", "to", UNIT_OF_ROW),
             Column("unit", "unit"),
             Column("size [standard errors]", "size_sigma", "1"),
             Column("measured", "side"),
@@ -144,7 +144,7 @@ def disagreement_table(study: StoredStudy) -> Table:
             (
                 i, d.condition, d.branch, channel_text(study.part.channels, d.channel),
                 covariate_text(study.part.channels, d.covariate),
-                *(round(v) if d.covariate in COUNTED else Number(v, d.unit) for v in (d.from_, d.to)),
+                *(round(v) if d.covariate in COUNTED_COVARIATES else Number(v, d.unit) for v in (d.from_, d.to)),
                 unit_label(d.unit) or "1",
                 Number(abs(d.size_sigma), "1", 0.5), "above" if d.mean_residual > 0.0 else "below",
             )
@@ -153,7 +153,7 @@ def disagreement_table(study: StoredStudy) -> Table:
     )  # fmt: skip
 
 
-COUNTED: Final = ("order", "cycle")
+COUNTED_COVARIATES: Final = ("order", "cycle")
 """Covariates that are whole numbers."""
 
 
@@ -186,11 +186,17 @@ def effect_table(study: StoredStudy) -> Table:
         (Column("parameter", "parameter"), lambda e, name, p, q: name),
         (Column("meaning", "meaning"), lambda e, name, p, q: p.meaning),
         (Column("unit", "unit"), lambda e, name, p, q: unit_label(p.unit) or "1"),
-        (Column("5 %", "q05", OF_ROW), lambda e, name, p, q: q[0]),
-        (Column("median", "median", OF_ROW), lambda e, name, p, q: q[1]),
-        (Column("95 %", "q95", OF_ROW), lambda e, name, p, q: q[2]),
-        (Column("prior 5 %", "prior_q05", OF_ROW), lambda e, name, p, q: Number(p.prior_range[0], p.unit)),
-        (Column("prior 95 %", "prior_q95", OF_ROW), lambda e, name, p, q: Number(p.prior_range[1], p.unit)),
+        (Column("5 %", "q05", UNIT_OF_ROW), lambda e, name, p, q: q[0]),
+        (Column("median", "median", UNIT_OF_ROW), lambda e, name, p, q: q[1]),
+        (Column("95 %", "q95", UNIT_OF_ROW), lambda e, name, p, q: q[2]),
+        (
+            Column("prior 5 %", "prior_q05", UNIT_OF_ROW),
+            lambda e, name, p, q: Number(p.prior_range[0], p.unit),
+        ),
+        (
+            Column("prior 95 %", "prior_q95", UNIT_OF_ROW),
+            lambda e, name, p, q: Number(p.prior_range[1], p.unit),
+        ),
         (Column("outside the prior", "outside_prior"), lambda e, name, p, q: p.outside_prior),
         (Column("R-hat", "rhat", "1"), lambda e, name, p, q: Number(p.rhat, "1", 0.01)),
         (Column("least ESS", "ess", "1"), lambda e, name, p, q: Number(p.least_ess, "1", 10.0)),
@@ -233,8 +239,8 @@ def untestable_table(study: StoredStudy) -> Table:
     rows = []
     for c in study.part.candidates:
         if c.status == "untestable":
-            there = NOT_THERE & set(c.unmet)
-            todo = [ADVICE.get(n, n.replace("_", " ")) for n in c.unmet if n not in NOT_THERE]
+            there = UNMEASURABLE_NEEDS & set(c.unmet)
+            todo = [ADVICE.get(n, n.replace("_", " ")) for n in c.unmet if n not in UNMEASURABLE_NEEDS]
             advice = "nothing: these readings show no sign of it" if there else "; ".join(dict.fromkeys(todo))
             rows.append((c.id, c.title, c.why, advice))
     return Table(
@@ -261,6 +267,6 @@ def noise_table(study: StoredStudy) -> Table:
         (Column("condition", "condition"), lambda n, unit: n.condition),
         (Column("channel", "channel"), lambda n, unit: channel_text(study.part.channels, n.channel)),
         (Column("unit", "unit"), lambda n, unit: unit_label(unit) or "1"),
-        (Column("sd", "sd", OF_ROW), lambda n, unit: Number(n.sd, unit, n.sd / 10.0)),
+        (Column("sd", "sd", UNIT_OF_ROW), lambda n, unit: Number(n.sd, unit, n.sd / 10.0)),
         (Column("correlation", "lag1", "1"), lambda n, unit: Number(n.lag1, "1", 0.1)),
     )

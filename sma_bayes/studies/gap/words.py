@@ -10,11 +10,11 @@ from sma_bayes.studies.gap.schema import GapOfModel, NamedChannel, StatedPeriodi
 
 Channels = Mapping[str, NamedChannel]
 
-BEYOND = 1e-6
+LEAST_P_SHOWN = 1e-6
 """Below this a p-value is extrapolated so far that its digits say nothing."""
-SMALL = 0.01
+SMALL_REMAINDER = 0.01
 """Share of a remainder below which it is only bounded."""
-MOSTLY_SHAPE = 0.5
+MOSTLY_SHAPE_SHARE = 0.5
 """Share of what can be explained from which on it is said to be the shape of the curve."""
 COVARIATES: Final[Mapping[str, str]] = {
     "order": "sample number",
@@ -23,7 +23,7 @@ COVARIATES: Final[Mapping[str, str]] = {
     "temperature and rate": "temperature and rate dT/dt",
 }
 """How covariates are called where their name in files would not do."""
-TOGETHER: Final[Mapping[str, str]] = {
+JOINT_TERMS: Final[Mapping[str, str]] = {
     "temperature shift": "all channels, as a shift of temperature",
     "share transformed": "all channels, as a change of the share transformed",
 }
@@ -38,7 +38,7 @@ def p_text(p: float) -> str:
     >>> p_text(0.0123), p_text(1e-30)
     ('p = 0.012', 'p < 10⁻⁶')
     """
-    return f"p = {compact(float(f'{p:.2g}'))}" if p >= BEYOND else f"p < 10{power_text(-6)}"
+    return f"p = {compact(float(f'{p:.2g}'))}" if p >= LEAST_P_SHOWN else f"p < 10{power_text(-6)}"
 
 
 def remainder_text(found: GapOfModel) -> str:
@@ -46,7 +46,11 @@ def remainder_text(found: GapOfModel) -> str:
     left = found.remaining
     if left.share is None or left.p_value > found.thresholds.p_value:
         return ""
-    share = f"{100.0 * left.share:.0f} %" if left.share >= SMALL else f"less than {100.0 * SMALL:.0f} %"
+    share = (
+        f"{100.0 * left.share:.0f} %"
+        if left.share >= SMALL_REMAINDER
+        else f"less than {100.0 * SMALL_REMAINDER:.0f} %"
+    )
     along, where = covariate_text(found.channels, left.covariate), channel_text(found.channels, left.channel)
     return f"with a remainder of {share} along {along}, in {where}"
 
@@ -56,7 +60,7 @@ def shape_text(found: GapOfModel) -> str:
     shape = found.rounds[-1].shape if found.rounds else None
     if found.verdict != "unnamed" or shape is None:
         return ""
-    if shape.ln_bayes_factor < found.thresholds.ln_bayes_factor_shape or shape.share < MOSTLY_SHAPE:
+    if shape.ln_bayes_factor < found.thresholds.ln_bayes_factor_shape or shape.share < MOSTLY_SHAPE_SHARE:
         return ""
     return (
         f"{100.0 * shape.share:.0f} % of what can be explained is the shape of the curve, the same in every sweep and "
@@ -102,7 +106,7 @@ def periodic_text(channels: Channels, line: StatedPeriodicity) -> str:
 def channel_text(channels: Channels, channel: str) -> str:
     """Name of a channel as this campaign calls it: ``strain``; of several together, what is done to them."""
     facts = channels.get(channel)
-    return facts.name if facts else TOGETHER.get(channel, channel)
+    return facts.name if facts else JOINT_TERMS.get(channel, channel)
 
 
 def covariate_text(channels: Channels, covariate: str) -> str:

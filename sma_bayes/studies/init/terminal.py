@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from sma_bayes.errors import many
-from sma_bayes.report.screen import SHOWN, screen
+from sma_bayes.report.screen import ENTRIES_SHOWN, screen
 from sma_bayes.studies.init.schema import StartDocument
 
 
@@ -16,9 +16,9 @@ def show_start(found: Mapping[str, Any]) -> None:
     document, console = StartDocument.model_validate(found), screen()
 
     def tell(lines: Sequence[str]) -> None:
-        console.tell(*(f"  {line}" for line in lines[:SHOWN]))
-        if len(lines) > SHOWN:
-            console.print(f"  and {len(lines) - SHOWN} more")
+        console.tell(*(f"  {line}" for line in lines[:ENTRIES_SHOWN]))
+        if len(lines) > ENTRIES_SHOWN:
+            console.print(f"  and {len(lines) - ENTRIES_SHOWN} more")
 
     console.tell(f"{document.file}: {many(len(document.conditions), 'condition')}")
     if document.guesses:

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from sma_bayes.report.assembly import assemble
-from sma_bayes.report.choice import MANY, REPORT, Drawn, ReportOptions
+from sma_bayes.report.choice import CAMPAIGN_REPORT_ABOVE, REPORT, Drawn, ReportOptions
 from sma_bayes.report.figures.sheet import Drawing
 from sma_bayes.response import AUTO_MODEL
 from sma_bayes.runs.documents import MODULUS
@@ -33,7 +33,7 @@ def build_report(folder: Path, wanted: ReportOptions) -> None:
 
 def _drawings(stored: StoredModulus, drawn: Drawn) -> list[Callable[[StoredModulus], Drawing]]:
     tests = list(dict.fromkeys(s.test for s in stored.found.sweeps))
-    if not (drawn == "all" or (drawn == REPORT and len(tests) <= MANY)):
+    if not (drawn == "all" or (drawn == REPORT and len(tests) <= CAMPAIGN_REPORT_ABOVE)):
         return []
     drawings: list[Callable[[StoredModulus], Drawing]] = [
         partial(moduli_figure, number=n) for n in range(1, len(tests) + 1)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from sma_bayes.quantities import convert
 from sma_bayes.report.content import Estimate, Number
 from sma_bayes.report.notation import unit_label
-from sma_bayes.report.tables import OF_ROW, Cell, Column, Table
+from sma_bayes.report.tables import UNIT_OF_ROW, Cell, Column, Table
 from sma_bayes.runs.declared_units import shown_unit, units_of
 from sma_bayes.studies.modulus.schema import ModulusDocument, ModulusSweep, StoredModulus
 from sma_bayes.studies.modulus.shown import degrees_of, parameter_unit
@@ -92,7 +92,7 @@ def _values(found: ModulusDocument) -> Table:
     per = float(convert(1.0, "Pa", unit))
     columns = (
         *SWEEP, Column("at", "at", found.temperature_unit), Column("quantity", "quantity"), Column("unit", "unit"),
-        Column("value", "value", OF_ROW),
+        Column("value", "value", UNIT_OF_ROW),
     )  # fmt: skip
     rows = tuple(
         (
@@ -143,7 +143,7 @@ def _curves(found: ModulusDocument) -> Table:
 def _parameters(found: ModulusDocument) -> Table:
     columns = (
         *SWEEP, Column("curve", "curve"), Column("parameter", "parameter"), Column("meaning", "meaning", brief=False),
-        Column("unit", "unit"), Column("value", "value", OF_ROW),
+        Column("unit", "unit"), Column("value", "value", UNIT_OF_ROW),
     )  # fmt: skip
     modulus = shown_unit("Pa", modulus_unit(found))
     rows = tuple(

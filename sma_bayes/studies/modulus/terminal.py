@@ -11,7 +11,7 @@ from rich.table import Column, Table
 from sma_bayes.errors import many
 from sma_bayes.quantities import unit_text
 from sma_bayes.report.notation import interval_text
-from sma_bayes.report.screen import SHOWN, numbers, screen, show_end, titled
+from sma_bayes.report.screen import ENTRIES_SHOWN, numbers, screen, show_end, titled
 from sma_bayes.runs.shown import in_declared_units
 from sma_bayes.studies.modulus.schema import ModulusDocument, ModulusSweep
 
@@ -33,7 +33,10 @@ def show_modulus(told: Mapping[str, Any], out: Path) -> None:
             f"{interval_text(f.median, f.q05, f.q95)} per decade of frequency"
         )
     console.tell(
-        *(f"{'SERIOUS: ' if severity == 'serious' else ''}{text}" for severity, text in found.doubts[:SHOWN])
+        *(
+            f"{'SERIOUS: ' if severity == 'serious' else ''}{text}"
+            for severity, text in found.doubts[:ENTRIES_SHOWN]
+        )
     )
     console.tell(*(*found.declared_differently, *found.remarks, *(f"left out {t}" for t in found.left_out)))
     if not found.converged:
@@ -46,10 +49,10 @@ def _table(found: ModulusDocument, branch: str) -> Table:
     names = list(dict.fromkeys(t.name for s in sweeps for t in s.temperatures if t.identified))
     title = f"{branch}, temperatures [{unit_text(found.temperature_unit)}]: median (90 %)"
     table = titled(title, Column("sweep", no_wrap=True), *(numbers(name.replace("_", " ")) for name in names))
-    for s in sweeps[:SHOWN]:
+    for s in sweeps[:ENTRIES_SHOWN]:
         table.add_row(s.id, *(_cell(s, name) for name in names))
-    if len(sweeps) > SHOWN:
-        table.add_row(f"and {len(sweeps) - SHOWN} more", *("" for _ in names))
+    if len(sweeps) > ENTRIES_SHOWN:
+        table.add_row(f"and {len(sweeps) - ENTRIES_SHOWN} more", *("" for _ in names))
     return table
 
 

@@ -30,7 +30,7 @@ from scipy.stats.qmc import MultivariateNormalQMC
 
 from sma_bayes.arrays import Floats
 from sma_bayes.records.history import History
-from sma_bayes.studies.gap.fitting import STEP, FittedHypothesis
+from sma_bayes.studies.gap.fitting import DIFFERENCE_STEP, FittedHypothesis
 from sma_bayes.studies.gap.hypothesis import Hypothesis
 from sma_bayes.studies.gap.noise import BlockNoise, ChannelBlock, blocks_of, whiten
 from sma_bayes.studies.plan.candidates import CandidateExperiment
@@ -38,7 +38,7 @@ from sma_bayes.studies.plan.information import mean_step
 
 DRAWS: Final = 256
 """Draws of the parameters of an explanation; a power of 2, which low-discrepancy points fill space evenly with."""
-PAUSE: Final = 10.0
+PAUSE_STEPS: Final = 10.0
 """Time between the last measurement and a new one [steps of the new one]."""
 
 
@@ -101,7 +101,9 @@ def further(candidate: CandidateExperiment, like: History) -> History:
         inputs["cycle_of_all"] = float(old["cycle_of_all"].max()) + 1.0 + count
     if "time" in old:
         step = (candidate.peak - candidate.lowest) / max(n - 1, 1) / candidate.rate
-        inputs["time"] = float(old["time"].max()) + step * (PAUSE + np.arange(temperature.size, dtype=float))
+        inputs["time"] = float(old["time"].max()) + step * (
+            PAUSE_STEPS + np.arange(temperature.size, dtype=float)
+        )
         inputs["rate"] = branch * candidate.rate
     if candidate.load is not None and "load" in old:
         inputs["load"] = np.full(temperature.size, candidate.load)
@@ -164,7 +166,7 @@ class Prospect:
             stacked = np.concatenate([mu[b.channel] for b in blocks], axis=-1)
             return whiten(blocks, noise, np.nan_to_num(stacked, nan=0.0, posinf=0.0, neginf=0.0))
 
-        h = STEP * alone.space.prior_sd()
+        h = DIFFERENCE_STEP * alone.space.prior_sd()
         moved = np.concatenate([fitted.z + np.diag(h), fitted.z - np.diag(h)])
         up, down = np.split(predicted(moved), 2)
         jacobian = ((up - down) / (2.0 * h[:, None])).T

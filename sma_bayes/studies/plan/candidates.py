@@ -19,17 +19,17 @@ from sma_bayes.records.types import Record, setting_unit
 from sma_bayes.studies.ask.workflow import asked_temperature
 
 CYCLES: Final = (1, 3, 10)
-SHARES: Final = (0.7, 0.85)
+SWEEP_SHARES: Final = (0.7, 0.85)
 """How much of the range of temperature a shorter sweep passes."""
-BESIDE: Final = 0.05
+TURN_MARGIN: Final = 0.05
 """How far beyond the asked temperature a sweep that turns round there goes [range of temperature]."""
-SAME: Final = 0.1
+RATE_TOLERANCE: Final = 0.1
 """Rates nearer than this share count as one."""
-DENSER: Final = 2
+SAMPLES_FACTOR: Final = 2
 """How many times as many samples are tried."""
-BEYOND: Final = 0.02
+EXTRAPOLATION_TOLERANCE: Final = 0.02
 """How far beyond what was measured does not count as extrapolation, as a share."""
-MOST: Final = 2000
+MAX_CANDIDATES: Final = 2000
 """Most candidates."""
 
 
@@ -213,17 +213,19 @@ def default_grid(
         rates = [rate] if rate is not None else _distinct([s.rate, *_ends(measured)])
         span = s.hottest - s.lowest
         ranges = [(s.lowest, s.hottest)]
-        for share in SHARES:
+        for share in SWEEP_SHARES:
             ranges += [(s.lowest, s.lowest + share * span), (s.hottest - share * span, s.hottest)]
         if at is not None:
-            near = BESIDE * span
+            near = TURN_MARGIN * span
             ranges += [(s.lowest, at + near), (at - near, s.hottest)]
         kept = [
             (low, peak)
             for low, peak in dict.fromkeys((rounded(a, span), rounded(b, span)) for a, b in ranges)
-            if low >= s.lowest - BEYOND * span and peak <= s.hottest + BEYOND * span and peak > low
+            if low >= s.lowest - EXTRAPOLATION_TOLERANCE * span
+            and peak <= s.hottest + EXTRAPOLATION_TOLERANCE * span
+            and peak > low
         ]
-        for (low, peak), r, times, n in product(kept, rates, (1, DENSER), cycles):
+        for (low, peak), r, times, n in product(kept, rates, (1, SAMPLES_FACTOR), cycles):
             samples = max(round(times * s.samples * (peak - low) / span), 2)
             out.append(CandidateExperiment(s.condition, low, peak, r, s.load, n, samples, setup))
     return out
@@ -242,7 +244,7 @@ def _ends(rates: Sequence[float]) -> list[float]:
 def _distinct(rates: Sequence[float | None]) -> list[float]:
     kept: list[float] = []
     for r in rates:
-        if r is not None and all(abs(r - k) > SAME * k for k in kept):
+        if r is not None and all(abs(r - k) > RATE_TOLERANCE * k for k in kept):
             kept.append(float(f"{r:.3g}"))
     return kept
 
@@ -339,12 +341,12 @@ def declared(
         for condition in _list(table.condition) or list(asked):
             told, column = f"unknown condition {condition!r}", f"{where}.condition"
             require_known(condition, settings, told, StudyError, file=path, column=column)
-            if len(out) + _combinations(table) > MOST:
+            if len(out) + _combinations(table) > MAX_CANDIDATES:
                 raise StudyError(
-                    f"more than {MOST} candidates",
+                    f"more than {MAX_CANDIDATES} candidates",
                     file=path,
                     column=where,
-                    expected=f"at most {MOST} combinations",
+                    expected=f"at most {MAX_CANDIDATES} combinations",
                     remedy="shorten the lists",
                 )
             try:
@@ -401,7 +403,7 @@ def marked(
     out = []
     for c in candidates:
         s = settings[c.condition]
-        slack = BEYOND * (s.hottest - s.lowest)
+        slack = EXTRAPOLATION_TOLERANCE * (s.hottest - s.lowest)
         beyond = []
         if c.lowest < s.lowest - slack:
             beyond.append("colder than measured")
@@ -416,7 +418,11 @@ def marked(
 
 
 def _within(value: float, measured: Sequence[float]) -> bool:
-    return min(measured) * (1.0 - BEYOND) <= value <= max(measured) * (1.0 + BEYOND)
+    return (
+        min(measured) * (1.0 - EXTRAPOLATION_TOLERANCE)
+        <= value
+        <= max(measured) * (1.0 + EXTRAPOLATION_TOLERANCE)
+    )
 
 
 def settings_of(records: Iterable[Record]) -> dict[str, Setting]:

@@ -14,7 +14,7 @@ from sma_bayes.records.types import Branch
 from sma_bayes.studies.plan.candidates import CandidateExperiment, Setting
 from sma_bayes.studies.plan.information import ExpectedGain, PlannedSweep, PlanTarget, counts
 
-PORTIONS: Final = 12
+DESIGN_PORTIONS: Final = 12
 """In about so many portions a design is put together."""
 
 
@@ -193,7 +193,7 @@ def _exchanged(
 def _portion(candidate: CandidateExperiment, left: float, hours: float) -> int:
     """Cycles that are added at once; 0 where none fits."""
     fitting = int(np.floor(left / candidate.cycle_hours * (1.0 + 1e-9)))
-    return min(fitting, max(1, int(hours / PORTIONS / candidate.cycle_hours)))
+    return min(fitting, max(1, int(hours / DESIGN_PORTIONS / candidate.cycle_hours)))
 
 
 def _gained(

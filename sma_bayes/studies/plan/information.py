@@ -38,9 +38,9 @@ from sma_bayes.studies.sensitivity.quantities import QuantityDraws
 
 DRAWS: Final = 48
 """Posterior draws about which the curve is linearised."""
-STEP: Final = 1e-2
+DIFFERENCE_STEP: Final = 1e-2
 """Step of finite differences of a quantity [posterior sd]."""
-ROUNDING: Final = 1e-12
+EIGENVALUE_TOLERANCE: Final = 1e-12
 """Eigenvalue of a covariance, over the greatest, below which it is rounding."""
 
 
@@ -180,7 +180,7 @@ class Knowledge:
         """L (D, r) with ``L L'`` the covariance of the coordinates over their standard deviations."""
         apart = (self.x - self.x.mean(axis=0)) / self.sd
         size, axes = np.linalg.eigh(apart.T @ apart / len(apart))
-        kept = size > ROUNDING * size.max()
+        kept = size > EIGENVALUE_TOLERANCE * size.max()
         return np.asarray(axes[:, kept] * np.sqrt(size[kept]))
 
     def at(self, x: Floats, theta: Floats) -> CurveDraws:
@@ -198,12 +198,12 @@ class Knowledge:
         """Derivatives (K, 1, D) of a curve at a temperature, by coordinates in posterior standard deviations."""
         x, theta = self.x[self.chosen], self.theta[self.chosen]
         size, dimension = x.shape
-        steps = STEP * np.diag(self.sd)
+        steps = DIFFERENCE_STEP * np.diag(self.sd)
         moved = np.concatenate([(x[:, None] + sign * steps).reshape(-1, dimension) for sign in (1.0, -1.0)])
         again = np.tile(np.repeat(theta, dimension, axis=0), (2, 1))
         values = self.at(moved, again).curve(channel, np.array([temperature]))[:, 0]
         up, down = values.reshape(2, size, 1, dimension)
-        return np.asarray((up - down) / (2.0 * STEP))
+        return np.asarray((up - down) / (2.0 * DIFFERENCE_STEP))
 
     def unit_gradients(self) -> Floats:
         """Derivatives (K, m, D) of the sampled parameters themselves."""

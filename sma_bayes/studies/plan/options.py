@@ -10,7 +10,7 @@ from typing import Final, Literal
 from sma_bayes.errors import StudyError
 
 Scatter = Literal["none", "usual"]
-LONGEST: Final = 100_000.0
+MAX_RIG_HOURS: Final = 100_000.0
 """Hours on the rig beyond which none is planned [h]."""
 
 

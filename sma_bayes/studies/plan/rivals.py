@@ -27,12 +27,12 @@ from sma_bayes.studies.gap.name import screen
 from sma_bayes.studies.gap.noise import Noise
 from sma_bayes.studies.gap.scatter import members_of
 from sma_bayes.studies.gap.schema import AddedEffect, GapDocument
-from sma_bayes.studies.gap.study import APART, baseline_start
+from sma_bayes.studies.gap.study import LN_BAYES_FACTOR_TOLD_APART, baseline_start
 from sma_bayes.studies.plan.apart import Explanation
 
-CLOSEST: Final = 2
+MAX_RIVALS: Final = 2
 """Rivals of an explanation, at most; all members of its class besides."""
-THRESHOLD: Final = APART
+THRESHOLD: Final = LN_BAYES_FACTOR_TOLD_APART
 """Least difference of ln Bayes factors by which explanations are told apart."""
 
 
@@ -193,14 +193,14 @@ def _named(found: GapDocument) -> tuple[str, list[str], list[str]]:
                 remedy="plan for stiffness@... or parameters from the folder of a fit instead",
             )
         return tried[0], [""], []
-    return tried[0], [*tried[1 : 1 + CLOSEST], ""], []
+    return tried[0], [*tried[1 : 1 + MAX_RIVALS], ""], []
 
 
 def _rivals(found: GapDocument, chosen: AddedEffect) -> list[str]:
     """Members of the class, then the closest of the others that were fitted in the same round."""
     members = [n for n in chosen.rivals if _usable(n)]
     others = [n for n in _ranked(found, chosen.round) if n != chosen.id and n not in members]
-    return (members + others[: max(CLOSEST - len(members), 0)]) or [""]
+    return (members + others[: max(MAX_RIVALS - len(members), 0)]) or [""]
 
 
 def _ranked(found: GapDocument, number: int) -> list[str]:

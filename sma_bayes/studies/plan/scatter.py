@@ -23,10 +23,10 @@ from sma_bayes.assess.sweeps import samples_of_sweeps
 from sma_bayes.fitting.sweep_functions import SweepFunctions, covariance_of_sweeps
 from sma_bayes.studies.cycles.sweeps import LEAST_SAMPLES, NUMBERS, USUAL_SCATTER
 
-FEWEST: Final = 2
+LEAST_SWEEPS: Final = 2
 """Fewest sweeps that tell of scatter."""
-ROUNDING: Final = 1e-9
-GRID: Final = np.linspace(0.0, 4.0, 81)
+RELATIVE_TOLERANCE: Final = 1e-9
+SD_GRID: Final = np.linspace(0.0, 4.0, 81)
 """Standard deviations over the usual one at which each is integrated over."""
 
 
@@ -114,7 +114,7 @@ def scatter_of(draws: RecordDraws, assumed: str) -> dict[str, SweepScatter]:
     out = {}
     for channel in draws.channels:
         deviations = Deviations.of(draws, channel)
-        if len(usable) >= FEWEST:
+        if len(usable) >= LEAST_SWEEPS:
             learnt = _learnt(draws, channel, deviations)
             out[channel] = SweepScatter(deviations, learnt, len(usable), *_of_the_fit(draws, channel))
         else:
@@ -157,11 +157,11 @@ def _learnt(draws: RecordDraws, channel: str, deviations: Deviations) -> Floats:
     best = optimize.minimize(cost, np.full(4, 0.5), bounds=[(0.0, 10.0)] * 4, method="L-BFGS-B").x
     out = np.zeros(4)
     for i in range(4):
-        trials = np.tile(best, (GRID.size, 1))
-        trials[:, i] = GRID
+        trials = np.tile(best, (SD_GRID.size, 1))
+        trials[:, i] = SD_GRID
         value = np.array([-cost(t) for t in trials])
         weight = np.exp(value - value.max())
-        out[i] = np.sqrt(np.sum(weight * GRID**2) / np.sum(weight))
+        out[i] = np.sqrt(np.sum(weight * SD_GRID**2) / np.sum(weight))
     return np.asarray(out * USUAL_SCATTER)
 
 
@@ -179,6 +179,6 @@ def _restricted(numbers: list[tuple[Floats, Floats]], size: Floats) -> float:
         precision += gram - across @ solved[:, :4]
         pull += along - across @ solved[:, 4]
         value += 0.5 * float((size * along) @ solved[:, 4]) - 0.5 * float(np.linalg.slogdet(inner)[1])
-    precision = precision + ROUNDING * np.eye(4)
+    precision = precision + RELATIVE_TOLERANCE * np.eye(4)
     explained = 0.5 * float(pull @ np.linalg.solve(precision, pull))
     return value + explained - 0.5 * float(np.linalg.slogdet(precision)[1])

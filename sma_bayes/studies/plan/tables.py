@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from sma_bayes.report.content import Estimate, Number
 from sma_bayes.report.notation import unit_label
-from sma_bayes.report.tables import OF_ROW, Cell, Column, Table
+from sma_bayes.report.tables import UNIT_OF_ROW, Cell, Column, Table
 from sma_bayes.studies.plan.schema import (
     DesignStep,
     ExpectedQuantity,
@@ -14,7 +14,14 @@ from sma_bayes.studies.plan.schema import (
     PlannedCandidate,
     StoredPlan,
 )
-from sma_bayes.studies.plan.words import HALF_WIDTH, has_even, other_load, pair_name, quantity_name, rate_text
+from sma_bayes.studies.plan.words import (
+    HALF_WIDTH_90,
+    has_even,
+    other_load,
+    pair_name,
+    quantity_name,
+    rate_text,
+)
 
 SETTINGS = (
     Column("condition", "condition"), Column("lowest", "lowest"), Column("peak", "peak"), Column("rate", "rate"),
@@ -105,16 +112,18 @@ def _quantities(found: PlanDocument) -> Table:
         "Median and equal-tailed 90 % interval now, and half the width of the interval: now, expected after the best "
         "candidate, after the design, and after the same hours divided evenly.",
         (
-            Column("quantity", "quantity"), Column("unit", "unit"), Column("now", "now", OF_ROW),
-            Column("half width", "half_width", OF_ROW), Column("after the best candidate", "after_best", OF_ROW),
-            Column("after the design", "after_design", OF_ROW), Column("after an even division", "after_even", OF_ROW),
+            Column("quantity", "quantity"), Column("unit", "unit"), Column("now", "now", UNIT_OF_ROW),
+            Column("half width", "half_width", UNIT_OF_ROW),
+            Column("after the best candidate", "after_best", UNIT_OF_ROW),
+            Column("after the design", "after_design", UNIT_OF_ROW),
+            Column("after an even division", "after_even", UNIT_OF_ROW),
         ),
         tuple(rows),
     )  # fmt: skip
 
 
 def _half(sd: float) -> Number:
-    return Number(HALF_WIDTH * sd, OF_ROW, 0.01 * HALF_WIDTH * sd)
+    return Number(HALF_WIDTH_90 * sd, UNIT_OF_ROW, 0.01 * HALF_WIDTH_90 * sd)
 
 
 def _left(expected: Sequence[ExpectedQuantity], key: str, name: str, factor: float) -> Number | None:
@@ -148,7 +157,7 @@ def _scatter(found: PlanDocument) -> Table:
     unit = "K" if found.temperature_unit == "degC" else found.temperature_unit
     rows = tuple(
         (
-            s.key, s.channel, s.sweeps, Number(s.offset, OF_ROW, 0.01 * s.offset or None),
+            s.key, s.channel, s.sweeps, Number(s.offset, UNIT_OF_ROW, 0.01 * s.offset or None),
             Number(s.stroke, "1", 1e-4), Number(s.shift, unit, 1e-3), Number(s.width, "1", 1e-4),
         )
         for s in found.scatter
@@ -160,7 +169,7 @@ def _scatter(found: PlanDocument) -> Table:
         "logarithm of the width, beyond what noise makes; 0 sweeps: assumed. The offset is in the unit of the channel.",
         (
             Column("record", "record"), Column("channel", "channel"), Column("sweeps", "sweeps"),
-            Column("offset", "offset", OF_ROW), Column("stroke", "stroke", "1"), Column("shift", "shift", unit),
+            Column("offset", "offset", UNIT_OF_ROW), Column("stroke", "stroke", "1"), Column("shift", "shift", unit),
             Column("width", "width", "1"),
         ),
         rows,

@@ -34,15 +34,15 @@ from sma_bayes.studies.plan.rivals import THRESHOLD, RivalExplanations, conditio
 from sma_bayes.studies.plan.schema import PlanFindings, PlannedCandidate, RivalPair, TellingApart
 from sma_bayes.studies.run_context import RunContext
 
-RATES: Final = (1.0 / 3.0, 1.0, 3.0)
-LOADS: Final = (1.0, 0.5, 2.0)
-PEAKS: Final = (1.0, 0.7)
+RATE_FACTORS: Final = (1.0 / 3.0, 1.0, 3.0)
+LOAD_FACTORS: Final = (1.0, 0.5, 2.0)
+PEAK_FACTORS: Final = (1.0, 0.7)
 CYCLES: Final = (1, 3, 10)
-SURE: Final = 0.8
+LEAST_PROBABILITY: Final = 0.8
 """Probability from which on a candidate counts as telling explanations apart; of these the shortest is the best."""
-MORE: Final = 0.02
+LEAST_PROBABILITY_GAIN: Final = 0.02
 """Least gain of probability for which it is worth going beyond what was measured."""
-CONDITIONS: Final = 3
+MAX_CONDITIONS: Final = 3
 """Conditions of which candidates are made, at most, where none is named."""
 
 Judged = tuple[CandidateExperiment, Sequence[TellingApart]]
@@ -140,7 +140,7 @@ def discriminations(rivals: RivalExplanations, candidate: CandidateExperiment) -
 
 def _place(candidate: CandidateExperiment, probability: float) -> tuple[bool, float, int]:
     """Where a candidate stands in the ranking: those that are sure come first, the shortest of them at the top."""
-    if probability >= SURE:
+    if probability >= LEAST_PROBABILITY:
         return False, candidate.hours, len(candidate.beyond)
     return True, -probability / candidate.hours, len(candidate.beyond)
 
@@ -163,7 +163,8 @@ def without_needless(judged: Sequence[Judged], settings: Mapping[str, Setting]) 
         for candidate, found in judged
         if plain(candidate)
         or not any(
-            max(a.probability - b.probability for a, b in zip(found, other, strict=True)) < MORE
+            max(a.probability - b.probability for a, b in zip(found, other, strict=True))
+            < LEAST_PROBABILITY_GAIN
             for other in usual.get(same(candidate), [])
         )
     ]
@@ -178,7 +179,7 @@ def _candidates(
 ) -> list[CandidateExperiment]:
     unit = campaign.records[0].units["temperature"]
     rate = None if o.rate is None else rate_of(o.rate, unit)
-    asked = [o.condition] if o.condition is not None else list(settings)[:CONDITIONS]
+    asked = [o.condition] if o.condition is not None else list(settings)[:MAX_CONDITIONS]
     if o.candidates is not None:
         found = declared(Path(o.candidates), settings, asked, o.setup, rate)
     else:
@@ -192,8 +193,8 @@ def _grid(s: Setting, setup: float, rate: float | None) -> list[CandidateExperim
     usual = rate if rate is not None else s.rate
     if usual is None:
         return []
-    rates = (1.0,) if rate is not None else RATES
-    loads = (None,) if s.load is None else LOADS
+    rates = (1.0,) if rate is not None else RATE_FACTORS
+    loads = (None,) if s.load is None else LOAD_FACTORS
     span = s.hottest - s.lowest
     low = rounded(s.lowest, span)
     whole = CandidateExperiment(s.condition, low, s.hottest, usual, s.load, 1, s.samples, setup)
@@ -206,7 +207,7 @@ def _grid(s: Setting, setup: float, rate: float | None) -> list[CandidateExperim
             cycles=cycles,
             samples=max(round(peak * s.samples), 2),
         )
-        for times, load, peak, cycles in product(rates, loads, PEAKS, CYCLES)
+        for times, load, peak, cycles in product(rates, loads, PEAK_FACTORS, CYCLES)
     ]
 
 

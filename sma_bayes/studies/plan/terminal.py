@@ -14,7 +14,7 @@ from sma_bayes.report.screen import NOT_CONVERGED, numbers, screen, show_end, ti
 from sma_bayes.studies.plan.schema import PlanFindings, PlannedCandidate
 from sma_bayes.studies.plan.shown import in_declared_units
 from sma_bayes.studies.plan.words import (
-    HALF_WIDTH,
+    HALF_WIDTH_90,
     asked_words,
     half_width,
     known_of,
@@ -24,7 +24,7 @@ from sma_bayes.studies.plan.words import (
     rate_unit,
 )
 
-SHOWN: Final = 8
+CANDIDATES_SHOWN: Final = 8
 """Candidates on the screen; the report and `candidates.csv` have all of them."""
 
 
@@ -37,7 +37,7 @@ def show_plan(told: Mapping[str, Any], out: Path | None) -> None:
         if k.median is not None:
             unit = f" {unit_text(k.shown_unit)}".rstrip()
             sd = k.sd * k.shown_factor
-            median, half = write([k.median * k.shown_factor, HALF_WIDTH * sd], resolution=sd).plain
+            median, half = write([k.median * k.shown_factor, HALF_WIDTH_90 * sd], resolution=sd).plain
             console.tell(f"{quantity_name(k, found)}: {median} ±{half}{unit} now (half of the 90 % interval)")
     for p in found.rivals:
         state = "told apart already" if p.told_apart else "not told apart"
@@ -54,7 +54,7 @@ def show_plan(told: Mapping[str, Any], out: Path | None) -> None:
 def _table(found: PlanFindings) -> Table:
     gained = ["nats", "nats/h", "leaves" if found.kind == "quantity" else "shrinks variances by"]
     told = map(pair_name, found.rivals) if found.kind == "tell-apart" else gained
-    shown = [c for c in found.candidates if c.fits][:SHOWN]
+    shown = [c for c in found.candidates if c.fits][:CANDIDATES_SHOWN]
     loads = [other_load(c, found) for c in shown]
     table = titled(
         f"best of {len(found.candidates)} candidates, by what they tell per hour",

@@ -19,11 +19,11 @@ from sma_bayes.studies.plan.schema import (
 )
 from sma_bayes.studies.plan.shown import load_unit
 
-HALF_WIDTH: Final = 1.6449
+HALF_WIDTH_90: Final = 1.6449
 """Half of a 90 % interval [sd]."""
-WORTH: Final = 0.02
+LEAST_SHRINKAGE: Final = 0.02
 """Least shrinkage of a variance that is worth the rig time [1]."""
-FEW: Final = 3
+PARTS_TOLD: Final = 3
 """Parts of a design that are told in a sentence."""
 
 
@@ -105,7 +105,7 @@ def known_of(expected: ExpectedQuantity, found: PlanFindings) -> KnownQuantity:
 
 def half_width(sd: float, known: KnownQuantity, beside: float = 0.0) -> str:
     """Half of a 90 % interval, without its unit, with as many decimals as that of the standard deviation `beside`."""
-    half, other = (HALF_WIDTH * v * known.shown_factor for v in (sd, beside))
+    half, other = (HALF_WIDTH_90 * v * known.shown_factor for v in (sd, beside))
     return f"±{write([half, other], digits=3).plain[0]}"
 
 
@@ -124,7 +124,7 @@ def narrowed(expected: Sequence[ExpectedQuantity], found: PlanFindings) -> str:
         k = known_of(e, found)
         unit = f" {unit_text(k.shown_unit)}".rstrip()
         told.append(f"{quantity_name(e, found)} from {half_width(k.sd, k)} to {half_width(e.sd, k)}{unit}")
-    return f"expected to narrow {first_of(told, FEW, '; ')} (half of the 90 % interval)"
+    return f"expected to narrow {first_of(told, PARTS_TOLD, '; ')} (half of the 90 % interval)"
 
 
 def _share(shrinkage: float) -> str:
@@ -147,8 +147,8 @@ def advice(found: PlanFindings) -> str:
         return f"No candidate fits into {there}: the shortest takes {hours_text(shortest.hours)}."
     design = found.design
     if design is not None:
-        parts = "; then ".join(step_text(s, found) for s in design.steps[:FEW])
-        more = f"; and {len(design.steps) - FEW} more" if len(design.steps) > FEW else ""
+        parts = "; then ".join(step_text(s, found) for s in design.steps[:PARTS_TOLD])
+        more = f"; and {len(design.steps) - PARTS_TOLD} more" if len(design.steps) > PARTS_TOLD else ""
         told = f"Measure {parts}{more}: {narrowed(design.expected, found)} in {hours_text(design.hours)}"
         if not has_even(design):
             return f"{told}; there is no time for a whole loop of each condition that is asked about."
@@ -157,10 +157,11 @@ def advice(found: PlanFindings) -> str:
         return f"{told}; whole loops, divided evenly, would bring {brings}."
     best = fitting[0]
     marked = f" ({', '.join(best.beyond)})" if best.beyond else ""
-    if max((e.shrinkage for e in best.expected), default=0.0) < WORTH:
+    if max((e.shrinkage for e in best.expected), default=0.0) < LEAST_SHRINKAGE:
         return (
-            f"No candidate narrows what is asked by more than {WORTH:.0%} of its variance per experiment; the best, "
-            f"{step_text(best, found)}{marked}, is {narrowed(best.expected, found)} in {hours_text(best.hours)}."
+            f"No candidate narrows what is asked by more than {LEAST_SHRINKAGE:.0%} of its variance per experiment; "
+            f"the best, {step_text(best, found)}{marked}, is {narrowed(best.expected, found)} in "
+            f"{hours_text(best.hours)}."
         )
     return f"Measure {step_text(best, found)}{marked}: {narrowed(best.expected, found)} in {hours_text(best.hours)}."
 

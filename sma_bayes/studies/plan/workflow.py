@@ -52,7 +52,7 @@ from sma_bayes.studies.plan.candidates import (
 from sma_bayes.studies.plan.design import Expectations, best_design, even_design, nats_of
 from sma_bayes.studies.plan.information import ExpectedGain, Knowledge, PlanTarget
 from sma_bayes.studies.plan.listing import planned, with_advice
-from sma_bayes.studies.plan.options import LONGEST, Options, Scatter
+from sma_bayes.studies.plan.options import MAX_RIG_HOURS, Options, Scatter
 from sma_bayes.studies.plan.rivals import read_gap
 from sma_bayes.studies.plan.scatter import scatter_of
 from sma_bayes.studies.plan.schema import (
@@ -172,8 +172,8 @@ def plan(
 
 
 def _require_options(hours: float | None, scatter: str, branch: str | None) -> None:
-    if hours is not None and not 0.0 < hours <= LONGEST:
-        raise SmaBayesError(f"--hours {hours}", expected=f"more than 0 and at most {LONGEST:g} h")
+    if hours is not None and not 0.0 < hours <= MAX_RIG_HOURS:
+        raise SmaBayesError(f"--hours {hours}", expected=f"more than 0 and at most {MAX_RIG_HOURS:g} h")
     if scatter not in get_args(Scatter):
         raise UnknownNameError(f"unknown scatter {scatter!r}", expected="'none' or 'usual'")
     require_known(branch, [b.value for b in Branch], f"unknown branch {branch!r}")
@@ -510,7 +510,7 @@ class PlanTable(DrawnTable):
     paths: ClassVar[tuple[str, ...]] = ("candidates",)
     separate: ClassVar[bool] = True
     asked: str = Field(alias="for")
-    hours: float | None = Field(default=None, gt=0.0, le=LONGEST)
+    hours: float | None = Field(default=None, gt=0.0, le=MAX_RIG_HOURS)
     candidates: str | None = None
     condition: str | None = None
     branch: Literal["heating", "cooling"] | None = None

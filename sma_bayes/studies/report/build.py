@@ -11,7 +11,7 @@ from pathlib import Path
 from sma_bayes.errors import OutputError
 from sma_bayes.progress import Progress, silent
 from sma_bayes.report.choice import REPORT, ReportOptions, figures_for, formats_for
-from sma_bayes.runs.documents import COMPARISON, CONDITIONS, FIT, GAP, MARK, SIMULATION, read_mark
+from sma_bayes.runs.documents import COMPARISON, CONDITIONS, FIT, GAP, RUN_MARKER, SIMULATION, read_mark
 from sma_bayes.runs.store import nothing_unfinished
 from sma_bayes.studies.registry import VERBS, has_report, report_builder
 
@@ -59,7 +59,7 @@ def _verb_of(folder: Path) -> str:
     verbs += [
         document.verb for document in (GAP, COMPARISON, CONDITIONS, SIMULATION) if document.is_in(folder)
     ]
-    verbs += [FIT.verb for name in (FIT.file, MARK) if (folder / name).is_file()]
+    verbs += [FIT.verb for name in (FIT.file, RUN_MARKER) if (folder / name).is_file()]
     if verbs:
         return verbs[0]
     raise OutputError(

@@ -16,7 +16,7 @@ from sma_bayes.assess.bands import band_channels
 from sma_bayes.errors import ResumeError, SmaBayesError, StudyError, require_known
 from sma_bayes.fitting.fit_records import AUTO
 from sma_bayes.noise import NOISE_MODELS
-from sma_bayes.progress import Progress, StepOf, silent
+from sma_bayes.progress import Progress, StepProgress, silent
 from sma_bayes.quantities import convert, number_and_unit
 from sma_bayes.records.campaign import read_campaign
 from sma_bayes.records.types import Campaign
@@ -25,7 +25,7 @@ from sma_bayes.runs.documents import STUDY, sealed
 from sma_bayes.runs.output_folder import claimed_folder
 from sma_bayes.runs.store import write_json
 from sma_bayes.studies.ask.workflow import AT_SCHEMA, OVERALL, WANTED, ask, asked_temperature, wanted_value
-from sma_bayes.studies.conditions.study import EACH
+from sma_bayes.studies.conditions.study import EACH_CONDITION
 from sma_bayes.studies.identity import all_versions
 from sma_bayes.studies.options import check_model_and_noise, model_named, prior_set
 from sma_bayes.studies.registry import study_steps
@@ -196,7 +196,7 @@ def _named_conditions(study: Study) -> Iterator[tuple[str, str]]:
     """Conditions that steps and questions name, each with its key."""
     left_out = study.steps.get("conditions", {}).get("leave_out", ())
     for number, name in enumerate(left_out, start=1):
-        if list(left_out) != [EACH]:
+        if list(left_out) != [EACH_CONDITION]:
             yield f"conditions.leave_out, entry {number}", name
     places = [*study.steps.items()]
     places += [(f"ask {number}", asked) for number, asked in enumerate(study.asks, start=1)]
@@ -256,7 +256,7 @@ def _result(step: _Step, before: Sequence[StatedStep], tell: Progress, *, strict
     failed = next((r for r in before if r.step == step.needs and r.exit_status == WRONG), None)
     if failed:
         return _stated(step, SKIPPED, WRONG, 0.0, error=f"{failed.step} failed")
-    of_step = StepOf(tell, step.name)
+    of_step = StepProgress(tell, step.name)
     of_step(0, 1, "begins")
     try:
         found = step.run(of_step)

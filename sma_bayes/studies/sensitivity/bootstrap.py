@@ -35,13 +35,13 @@ from sma_bayes.studies.sensitivity.quantities import (
 FEWEST_SWEEPS: Final = 4
 """Sweeps from which their scatter tells anything."""
 REPLICATES: Final = 300
-EVALUATIONS: Final = 60
+MAX_EVALUATIONS: Final = 60
 """Evaluations of the curve in one fit, at most."""
-ROUNDS: Final = 30
+MAX_ROUNDS: Final = 30
 """Fits after which what readings count is taken as it is."""
-SETTLED: Final = 0.01
+WEIGHT_TOLERANCE: Final = 0.01
 """Change of the root of what a reading counts that is none [1]."""
-NEAR: Final = 1e-3
+SMALL_INNOVATION: Final = 1e-3
 """Standardised innovations below which the weight of a reading is that of its location [1]."""
 
 
@@ -155,7 +155,7 @@ class _PenalisedSquares:
         for channel, e in replace(self, firm=self._ones).innovations_of(x).items():
             shape = self._shape(channel)
             held = noise.location_information(shape)[:, None]
-            far = np.abs(e) > NEAR
+            far = np.abs(e) > SMALL_INNOVATION
             with np.errstate(all="ignore"):
                 counts = np.where(far, noise.score(e, shape) / np.where(far, e, 1.0), held)
             found[channel] = np.sqrt(np.maximum(counts, 0.0) * noise.likelihood_weight(shape)[:, None])[0]
@@ -164,12 +164,12 @@ class _PenalisedSquares:
     def settled(self, start: Floats, weight: Floats) -> Floats | None:
         """Coordinates of the greatest weighted likelihood, see `fitted`; what readings count is found on the way."""
         squares, x = self, self.fitted(start, weight)
-        for _ in range(0 if self.draws.posterior.noise.is_gaussian else ROUNDS):
+        for _ in range(0 if self.draws.posterior.noise.is_gaussian else MAX_ROUNDS):
             if x is None:
                 return None
             firm = self.counts(x)
             change = max(np.abs(firm[c] - squares.firm[c]).max() for c in firm)
-            if change < SETTLED:
+            if change < WEIGHT_TOLERANCE:
                 break
             squares = replace(squares, firm=firm)
             x = squares.fitted(x, weight)
@@ -199,7 +199,7 @@ class _PenalisedSquares:
                 jac=self._jacobian,
                 method="lm",
                 x_scale=self.sd,
-                max_nfev=EVALUATIONS,
+                max_nfev=MAX_EVALUATIONS,
                 args=(root,),
             )
         return np.asarray(found.x) if found.status > 0 and np.isfinite(found.x).all() else None

@@ -23,7 +23,7 @@ from sma_bayes.arrays import Floats, Ints
 from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.assess.held_out import evaluated_on, missed_by
 from sma_bayes.assess.sweeps import fitted_without, samples_of_sweeps, weights_without
-from sma_bayes.sampling.pareto import RELIABLE, smoothed_weights
+from sma_bayes.sampling.pareto import MAX_RELIABLE_K, smoothed_weights
 from sma_bayes.sampling.weighted import resampled
 from sma_bayes.studies.sensitivity.quantities import (
     Densities,
@@ -33,7 +33,7 @@ from sma_bayes.studies.sensitivity.quantities import (
 )
 
 FEWEST_SWEEPS: Final = 2
-REFITS: Final = 10
+MAX_REFITS: Final = 10
 """Fits made anew for one record, at most: of the sweeps without which the draws can be relied on least."""
 
 
@@ -120,11 +120,11 @@ def means_without_sweeps(
     sweeps = samples_of_sweeps(draws.record)
     if len(sweeps) < FEWEST_SWEEPS:
         return []
-    log_weight, k, again = weights_without(densities.readings, sweeps, REFITS)
+    log_weight, k, again = weights_without(densities.readings, sweeps, MAX_REFITS)
     means = np.exp(log_weight).T @ values
     out = []
     for i, sweep in enumerate(sweeps):
-        if k[i] <= RELIABLE:
+        if k[i] <= MAX_RELIABLE_K:
             out.append(LeftOut(means[i], float(k[i]), False))
             continue
         anew = mean_without(draws, quantities, sweep, at, seed) if i in again else None

@@ -19,9 +19,9 @@ from sma_bayes.runs.shown import in_unit_of_channel
 
 Kind = Literal["parameter", "noise", "curve", "transformation"]
 """Parameters of the curve, those of the noise, values of curves, start and finish of the transformation."""
-STATED: Final = 3
+DEFAULT_TEMPERATURES: Final = 3
 """Temperatures at which a curve is told where none are asked for."""
-TAILS: Final = (0.005, 0.995)
+TRIMMED_QUANTILES: Final = (0.005, 0.995)
 """Draws beyond these quantities' quantiles count as lying there where a mean or a standard deviation is told: a
 stiffness that is a ratio may have neither."""
 
@@ -57,11 +57,11 @@ class QuantityDraws:
 
     @property
     def tamed(self) -> Floats:
-        """Draws (S,) with those far out at `TAILS`, and those that are not finite at the median."""
+        """Draws (S,) with those far out at `TRIMMED_QUANTILES`, and those that are not finite at the median."""
         finite = np.isfinite(self.draws)
         if not finite.any():
             return np.zeros(self.draws.size)
-        low, middle, high = np.quantile(self.draws[finite], (TAILS[0], 0.5, TAILS[1]))
+        low, middle, high = np.quantile(self.draws[finite], (TRIMMED_QUANTILES[0], 0.5, TRIMMED_QUANTILES[1]))
         return np.clip(np.where(finite, self.draws, middle), low, high)
 
 
@@ -88,7 +88,7 @@ def quantities_of(draws: RecordDraws, at: Sequence[float], *, stiffness: bool) -
 
 def stated_temperatures(draws: RecordDraws) -> tuple[float, ...]:
     """Temperatures that are told unasked: even ones between the measured ends, to four digits."""
-    inner = np.linspace(draws.coldest, draws.hottest, STATED + 2)[1:-1]
+    inner = np.linspace(draws.coldest, draws.hottest, DEFAULT_TEMPERATURES + 2)[1:-1]
     return tuple(float(f"{t:.4g}") for t in inner)
 
 

@@ -7,7 +7,7 @@ from functools import partial
 from pathlib import Path
 
 from sma_bayes.report.assembly import assemble
-from sma_bayes.report.choice import MANY, REPORT, Drawn, ReportOptions
+from sma_bayes.report.choice import CAMPAIGN_REPORT_ABOVE, REPORT, Drawn, ReportOptions
 from sma_bayes.report.figures.sheet import Drawing
 from sma_bayes.runs.documents import SENSITIVITY
 from sma_bayes.runs.finished_run import read_finished
@@ -31,7 +31,7 @@ def build_report(folder: Path, wanted: ReportOptions) -> None:
 
 def _drawings(stored: StoredSensitivity, drawn: Drawn) -> list[Callable[[StoredSensitivity], Drawing]]:
     records = stored.found.records
-    if drawn == "none" or (drawn == REPORT and len(records) > MANY):
+    if drawn == "none" or (drawn == REPORT and len(records) > CAMPAIGN_REPORT_ABOVE):
         return []
     drawings: list[Callable[[StoredSensitivity], Drawing]] = [
         partial(powers_figure, record=r) for r in records

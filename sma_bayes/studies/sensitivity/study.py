@@ -36,9 +36,9 @@ from sma_bayes.studies.sensitivity.schema import (
     RecordSensitivity,
 )
 
-DEFINED = 0.5
+LEAST_DEFINED_SHARE = 0.5
 """Share of the draws from which on what moves a number is told [1]."""
-DOUBLED: Final = math.log(2.0)
+LN_2: Final = math.log(2.0)
 """Shifts are told of a doubled power, with the binary logarithm of the power: this times a shift with the power."""
 CONFLICT_SHIFT: Final = 1.0
 """Change of a mean without its prior, to first order, from which on prior and data are in conflict [posterior sd].
@@ -123,7 +123,7 @@ def _quantities(
     raw = np.stack([q.draws for q in quantities], axis=1)
     mean, sd = values.mean(axis=0), values.std(axis=0)
     per_sd = np.divide(1.0, sd, out=np.full(sd.size, np.nan), where=sd > 0.0)
-    per_sd[np.isfinite(raw).mean(axis=0) < DEFINED] = np.nan
+    per_sd[np.isfinite(raw).mean(axis=0) < LEAST_DEFINED_SHARE] = np.nan
     of_prior = power_sensitivity(raw, densities.log_prior)
     of_likelihood = power_sensitivity(raw, densities.log_likelihood)
     prior_shift = mean_gradient(values, densities.log_prior) * per_sd
@@ -151,7 +151,7 @@ def _quantities(
             likelihood=of_likelihood[i],
             prior_shift=prior_shift[i],
             likelihood_shift=likelihood_shift[i],
-            without_prior=-prior_shift[i] / DOUBLED,
+            without_prior=-prior_shift[i] / LN_2,
         )
 
 
@@ -177,7 +177,7 @@ def diagnose(
     """
     if not prior >= THRESHOLD:
         return NONE
-    apart = prior_shift * likelihood_shift < 0.0 and abs(prior_shift) >= DOUBLED * CONFLICT_SHIFT
+    apart = prior_shift * likelihood_shift < 0.0 and abs(prior_shift) >= LN_2 * CONFLICT_SHIFT
     if apart and likelihood >= THRESHOLD:
         return CONFLICT
     return STRONG_PRIOR if prior > likelihood or not likelihood >= THRESHOLD else NONE

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from sma_bayes.report.content import INTERVAL, Estimate, Number
 from sma_bayes.report.notation import unit_label
-from sma_bayes.report.tables import OF_ROW, Cell, Column, Table, table_of, words
+from sma_bayes.report.tables import UNIT_OF_ROW, Cell, Column, Table, table_of, words
 from sma_bayes.studies.sensitivity.schema import (
     NONE,
     RecordSensitivity,
@@ -45,7 +45,7 @@ def _powers(records: tuple[RecordSensitivity, ...], threshold: float) -> Table:
         (Column("number", "number"), lambda r, q: q.name),
         (Column("kind", "kind", brief=False), lambda r, q: q.kind),
         (Column("unit", "unit"), lambda r, q: unit_label(q.unit) or "1"),
-        (Column("posterior", "posterior", OF_ROW), lambda r, q: Estimate.of(q, q.unit)),
+        (Column("posterior", "posterior", UNIT_OF_ROW), lambda r, q: Estimate.of(q, q.unit)),
         (Column("prior", "prior", "1"), lambda r, q: _number(q.prior)),
         (Column("likelihood", "likelihood", "1"), lambda r, q: _number(q.likelihood)),
         (Column("without prior", "without_prior", SD), lambda r, q: _number(q.without_prior, SD, 0.01)),
@@ -88,7 +88,7 @@ def _readings(records: tuple[RecordSensitivity, ...]) -> Table:
         (
             *_OF_RECORD,
             *words("number", "row", "sweep", "channel"),
-            Column("temperature", "temperature", OF_ROW),
+            Column("temperature", "temperature", UNIT_OF_ROW),
             Column("unit", "unit", brief=False),
             Column("change, first order", "change", SD),
             Column("change, by weights", "change_by_weights", SD),
@@ -150,8 +150,8 @@ def _bootstrap(records: tuple[RecordSensitivity, ...]) -> Table:
         (
             *_OF_RECORD,
             *words("number", "unit"),
-            Column("posterior", "posterior", OF_ROW),
-            Column("bootstrap", "bootstrap", OF_ROW),
+            Column("posterior", "posterior", UNIT_OF_ROW),
+            Column("bootstrap", "bootstrap", UNIT_OF_ROW),
             Column("width, over the posterior's", "width", "1"),
             Column("worst sweep", "sweep"),
             Column("change without it", "change", SD),

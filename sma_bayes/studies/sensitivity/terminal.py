@@ -8,7 +8,7 @@ from typing import Any
 from rich.table import Column, Table
 
 from sma_bayes.report.notation import interval_text, unit_label
-from sma_bayes.report.screen import NOT_CONVERGED, SHOWN, numbers, screen, show_end, titled
+from sma_bayes.report.screen import ENTRIES_SHOWN, NOT_CONVERGED, numbers, screen, show_end, titled
 from sma_bayes.studies.sensitivity.schema import (
     NONE,
     QuantitySensitivity,
@@ -27,11 +27,11 @@ def show_sensitivity(found: dict[str, Any], out: Path | None) -> None:
         f"{document.campaign}: what moves each number. Sensitive from {document.thresholds.sensitivity:g}; changes in "
         "posterior standard deviations"
     )
-    for record in document.records[:SHOWN]:
+    for record in document.records[:ENTRIES_SHOWN]:
         console.print()
         console.print(_table(record))
-    if len(document.records) > SHOWN:
-        console.print(f"and {len(document.records) - SHOWN} records more: see --json or --out")
+    if len(document.records) > ENTRIES_SHOWN:
+        console.print(f"and {len(document.records) - ENTRIES_SHOWN} records more: see --json or --out")
     console.print()
     if not document.converged:
         console.tell(NOT_CONVERGED)

@@ -13,11 +13,11 @@ from sma_bayes.studies.sensitivity.schema import (
     RecordSensitivity,
 )
 
-NAMED: Final = 3
+NUMBERS_NAMED: Final = 3
 """Numbers that a sentence names."""
-MOVED: Final = 1.0
+LEAST_CHANGE_SDS: Final = 1.0
 """Change without a sweep that is told as a change [posterior sd]."""
-WIDER: Final = 1.5
+LEAST_WIDTH_RATIO: Final = 1.5
 """How much wider the bootstrap of sweeps has to be than the posterior for that to be told."""
 
 
@@ -61,7 +61,7 @@ def _of_priors(told: Told) -> str:
         f"{_without(q)})"
         for r, q in flagged
     ]
-    return f"The prior moves {len(flagged)} of {many(len(told), 'number')}: {first_of(named, NAMED)}"
+    return f"The prior moves {len(flagged)} of {many(len(told), 'number')}: {first_of(named, NUMBERS_NAMED)}"
 
 
 def _without(q: QuantitySensitivity) -> str:
@@ -87,12 +87,13 @@ def _of_sweeps(told: Told) -> Iterator[str]:
     if not found:
         return
     size, (sweep, change), r, q = max(found, key=lambda x: x[0])
-    if size < MOVED:
+    if size < LEAST_CHANGE_SDS:
         yield f"No single sweep moves a number by more than {size:.2g} of its posterior standard deviation"
         return
     yield (
         f"Without sweep {sweep} {q.name} of {r.key} moves by {change:+.2g} posterior standard deviations; "
-        f"{sum(x[0] >= MOVED for x in found)} of {many(len(found), 'number')} move by one or more without some sweep"
+        f"{sum(x[0] >= LEAST_CHANGE_SDS for x in found)} of {many(len(found), 'number')} "
+        "move by one or more without some sweep"
     )
 
 
@@ -117,7 +118,7 @@ def _of_bootstrap(told: Told) -> Iterator[str]:
     if not found:
         return
     width, r, q = max(found, key=lambda x: x[0])
-    if width >= WIDER:
+    if width >= LEAST_WIDTH_RATIO:
         yield (
             f"Sweeps differ by more than the noise says: weighted at random, they make the interval of {q.name} of "
             f"{r.key} {width:.2g} times as wide as the posterior's"

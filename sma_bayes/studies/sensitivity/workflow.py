@@ -19,7 +19,7 @@ from sma_bayes.runs.jobs import run as run_tasks
 from sma_bayes.runs.outputs import read_run
 from sma_bayes.runs.store import write_csv
 from sma_bayes.runs.stored_draws import draws_of
-from sma_bayes.sampling.pareto import RELIABLE
+from sma_bayes.sampling.pareto import MAX_RELIABLE_K
 from sma_bayes.sampling.power_scaling import THRESHOLD
 from sma_bayes.studies.ask.workflow import FitSource, asked_temperature
 from sma_bayes.studies.identity import fit_identity, of_fit
@@ -157,7 +157,7 @@ def find(
         at=tuple(at),
         **of_fit(summary, source.folder, seed),
         converged=all(r.converged for r in found),
-        thresholds=Thresholds(sensitivity=THRESHOLD, without_prior=CONFLICT_SHIFT, pareto_k=RELIABLE),
+        thresholds=Thresholds(sensitivity=THRESHOLD, without_prior=CONFLICT_SHIFT, pareto_k=MAX_RELIABLE_K),
         records=tuple(found),
         **declared_parts(summary.records),
         conclusion=conclusion([record_shown(r, units) for r in found]),

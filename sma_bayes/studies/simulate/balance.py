@@ -18,14 +18,14 @@ from sma_bayes.effects import EFFECTS
 from sma_bayes.effects.latent_heat import SPECIFIC_HEAT
 from sma_bayes.errors import MeasurementError
 from sma_bayes.parameters.priors_file import PriorSet
-from sma_bayes.records.history import SIGN, History, histories
+from sma_bayes.records.history import BRANCH_SIGN, History, histories
 from sma_bayes.records.types import Branch, Campaign, Record
 from sma_bayes.response.joule_heating import loss_law
 from sma_bayes.studies.gap.heating import study_balance
 from sma_bayes.studies.gap.study import GapStudy, Progress
 from sma_bayes.studies.simulate.spring import BothDraws, share_of
 
-CARRIED: Final = (
+SIMULATED_EFFECTS: Final = (
     "latent_heat",
     "phase_resistance",
     "convective_loss",
@@ -234,7 +234,7 @@ def fitted_balance(
     whole = histories(campaign)
     for h in whole:
         _require_a_history(h, [r for r in campaign.records if r.condition.id == h.condition.id])
-    known = {name: EFFECTS[name] for name in CARRIED if name in EFFECTS}
+    known = {name: EFFECTS[name] for name in SIMULATED_EFFECTS if name in EFFECTS}
     study = study_balance(
         campaign, lambda i: _share_along(whole[i], springs[i]), priors, pooled=pooled, effects=known, seed=seed,
         progress=tell,
@@ -266,4 +266,8 @@ def _share_along(history: History, spring: BothDraws) -> Mapping[str, Floats]:
     """Share of austenite along a measured history, on the median curve of the branch that was swept."""
     temperature, branch = history.inputs["temperature"], history.inputs["branch"]
     shares = {b: share_of(spring.of(b), temperature, median=True) for b in Branch}
-    return {"share": np.where(branch == SIGN[Branch.HEATING], shares[Branch.HEATING], shares[Branch.COOLING])}
+    return {
+        "share": np.where(
+            branch == BRANCH_SIGN[Branch.HEATING], shares[Branch.HEATING], shares[Branch.COOLING]
+        )
+    }

@@ -14,23 +14,23 @@ from sma_bayes.studies.simulate.balance import HeatBalance
 from sma_bayes.studies.simulate.profile import CurrentProfile
 from sma_bayes.studies.simulate.spring import Spring, State
 
-INSTANTS: Final = 401
+EVEN_INSTANTS: Final = 401
 """Even instants at which a course is told, beside those of the profile."""
-MOST_INSTANTS: Final = 2000
+MAX_INSTANTS: Final = 2000
 """From so many on those of the profile are left out."""
-WARMED: Final = 0.5
+MAX_TEMPERATURE_STEP: Final = 0.5
 """Greatest change of temperature in a step of the integration [K]."""
-PASSED: Final = 0.1
+MAX_STEP_OF_LOSS: Final = 0.1
 """Its greatest length, in time constants of loss."""
-FOLLOWED: Final = 0.5
+MAX_STEP_OF_THERMOMETER: Final = 0.5
 """The same in time constants of the thermometer."""
-ROUNDS: Final = 4
+MIDPOINT_ROUNDS: Final = 4
 """How often a step is computed from the middle that it gave before."""
-TURN: Final = 0.02
+TURN_TOLERANCE: Final = 0.02
 """How far the temperature comes back before it counts as turned [K]."""
-TURNING: Final = 1.2 * TURN
+MAX_STEP_AGAINST_BRANCH: Final = 1.2 * TURN_TOLERANCE
 """Greatest change of temperature in a step against the branch that holds [K]."""
-STILL: Final = 1e-7
+STATIONARY_STEP: Final = 1e-7
 """Change of temperature below which a slope stands for a difference [K]."""
 
 
@@ -71,7 +71,7 @@ class SimulatedCourse:
     turns : ndarray of int, shape (S,)
         How often the temperature turned.
     inside : ndarray of int, shape (S,)
-        How often with at least `INSIDE` of the transformation both behind it and before it.
+        How often with at least `MINOR_LOOP_MARGIN` of the transformation both behind it and before it.
     """
 
     time: Floats
@@ -82,14 +82,14 @@ class SimulatedCourse:
     inside: Floats
 
 
-INSIDE: Final = 0.05
+MINOR_LOOP_MARGIN: Final = 0.05
 """Share from either end between which a turn makes a minor loop."""
 
 
 def instants(profile: CurrentProfile) -> Floats:
     """Instants at which a course is told."""
-    even = np.linspace(profile.time[0], profile.time[-1], INSTANTS)
-    return np.union1d(even, profile.time) if profile.time.size <= MOST_INSTANTS else even
+    even = np.linspace(profile.time[0], profile.time[-1], EVEN_INSTANTS)
+    return np.union1d(even, profile.time) if profile.time.size <= MAX_INSTANTS else even
 
 
 def temperatures(profile: CurrentProfile, balance: HeatBalance, start: Start) -> tuple[float, float]:
@@ -207,12 +207,12 @@ def _length(spring: Spring, balance: HeatBalance, now: _Now, amperes: float, roo
     """Length of the next step [s]."""
     share = spring.share(now.read, now.state)
     speed = _net(balance, now.alloy, now.beside, share, amperes, room) / _capacity(spring, balance, now)
-    most = np.where((speed > 0.0) == now.state.heating, WARMED, TURNING)
+    most = np.where((speed > 0.0) == now.state.heating, MAX_TEMPERATURE_STEP, MAX_STEP_AGAINST_BRANCH)
     fastest = float(np.max(np.abs(speed) / most))
-    dt = min(1.0 / max(fastest, 1e-12), PASSED / float(np.max(balance.loss_rate(now.alloy, room))))
+    dt = min(1.0 / max(fastest, 1e-12), MAX_STEP_OF_LOSS / float(np.max(balance.loss_rate(now.alloy, room))))
     if balance.second.any():
-        dt = min(dt, PASSED * float(np.quantile(balance.second_time, 0.05)))
-    return min(dt, FOLLOWED * float(np.median(balance.lag))) if balance.lag.any() else dt
+        dt = min(dt, MAX_STEP_OF_LOSS * float(np.quantile(balance.second_time, 0.05)))
+    return min(dt, MAX_STEP_OF_THERMOMETER * float(np.median(balance.lag))) if balance.lag.any() else dt
 
 
 def _capacity(spring: Spring, balance: HeatBalance, now: _Now) -> Floats:
@@ -234,7 +234,7 @@ def _step(spring: Spring, balance: HeatBalance, now: _Now, amperes: float, room:
         spring, balance, now
     )
     read = _sensed(balance, now, alloy, room, dt)
-    for _ in range(ROUNDS):
+    for _ in range(MIDPOINT_ROUNDS):
         middle = 0.5 * (before + alloy)
         loss = balance.loss_rate(middle, room)
         heat = balance.heating(amperes, spring.share(0.5 * (now.read + read), now.state))
@@ -244,7 +244,7 @@ def _step(spring: Spring, balance: HeatBalance, now: _Now, amperes: float, room:
         moved = alloy - before
         capacity = np.ones(before.size)
         if balance.latent.any() and not balance.lag.any():
-            small = np.abs(moved) < STILL
+            small = np.abs(moved) < STATIONARY_STEP
             capacity = 1.0 + taken / np.where(small, 1.0, moved)
             capacity = np.where(small, _capacity(spring, balance, now), capacity) if small.any() else capacity
             capacity = np.maximum(capacity, 1.0)
@@ -275,11 +275,11 @@ def _turn(spring: Spring, now: _Now) -> None:
     """Note how far the temperature has come, and change branches where it has come back."""
     heating = now.state.heating
     now.farthest = np.where(heating, np.maximum(now.farthest, now.read), np.minimum(now.farthest, now.read))
-    back: Bools = np.where(heating, now.farthest - now.read, now.read - now.farthest) > TURN
+    back: Bools = np.where(heating, now.farthest - now.read, now.read - now.farthest) > TURN_TOLERANCE
     if not back.any():
         return
     share = spring.share(now.farthest, now.state)
     now.turns = now.turns + back
-    now.inside = now.inside + (back & (share > INSIDE) & (share < 1.0 - INSIDE))
+    now.inside = now.inside + (back & (share > MINOR_LOOP_MARGIN) & (share < 1.0 - MINOR_LOOP_MARGIN))
     now.state = now.state.joined(back, spring.turned(now.farthest, now.state))
     now.farthest = np.where(back, now.read, now.farthest)

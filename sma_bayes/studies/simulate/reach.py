@@ -14,9 +14,9 @@ from sma_bayes.quantities import convert
 from sma_bayes.studies.simulate.balance import HeatBalance
 from sma_bayes.studies.simulate.spring import share_of
 
-NODES: Final = 801
+GRID_POINTS: Final = 801
 """Temperatures between the room and the hottest measured one at which steady currents are computed."""
-UNSURE: Final = 0.05
+MAX_SHARE_UNREACHED: Final = 0.05
 """Share of the draws that need not get to the hottest measured temperature within the currents that are searched."""
 
 
@@ -41,7 +41,7 @@ class Steady:
     @property
     def greatest(self) -> float:
         """Current at which nearly all draws are as hot as was measured [A]."""
-        return float(np.quantile(self.needed[:, -1], 1.0 - UNSURE))
+        return float(np.quantile(self.needed[:, -1], 1.0 - MAX_SHARE_UNREACHED))
 
     def temperature(self, current: Floats) -> Floats:
         """Steady temperature at currents (m,) or (S, m); at most the hottest measured one [degC]."""
@@ -66,10 +66,10 @@ def steady(draws: RecordDraws, balance: HeatBalance) -> Steady:
         As many draws.
     """
     coolest = np.minimum(balance.room, draws.hottest - 1e-3)
-    read = coolest[:, None] + np.linspace(0.0, 1.0, NODES) * (draws.hottest - coolest)[:, None]
+    read = coolest[:, None] + np.linspace(0.0, 1.0, GRID_POINTS) * (draws.hottest - coolest)[:, None]
     share = share_of(draws, read)
     needed = np.empty_like(read)
-    for j in range(NODES):
+    for j in range(GRID_POINTS):
         alloy = balance.of_alloy(read[:, j], balance.room)
         lost = balance.loss_rate(alloy, balance.room) * np.maximum(alloy - balance.room, 0.0)
         needed[:, j] = np.sqrt(lost / balance.heating(1.0, share[:, j]))

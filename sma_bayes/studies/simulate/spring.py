@@ -60,19 +60,19 @@ def rule_named(name: str) -> Rule:
 
 
 SHARE: Final = "share"
-FINEST: Final = 0.1
+TEMPERATURE_STEP: Final = 0.1
 """Distance of temperatures at which curves are tabulated [K]; they are straight between."""
-MOST_NODES: Final = 3000
-LEAST_LEFT: Final = 1e-6
+MAX_NODES: Final = 3000
+NEGLIGIBLE_SHARE: Final = 1e-6
 """Share transformed below which there is nothing left to fade with."""
-SAME: Final = 1e-9
+SHARE_TOLERANCE: Final = 1e-9
 """Difference of shares below which a branch is on its own curve."""
-ODDS: Final = 20.0
+MAX_LOG_ODDS: Final = 20.0
 """Log odds of a share up to which temperatures are looked up by it."""
-ODDS_STEP: Final = 0.02
-COLD: Final = "cold "
+LOG_ODDS_STEP: Final = 0.02
+COLD_PREFIX: Final = "cold "
 """Before the name of a channel: that of martensite alone, along its line, where phases have slopes."""
-SPAN: Final = "span "
+SPAN_PREFIX: Final = "span "
 """The same of austenite less that."""
 
 
@@ -171,7 +171,7 @@ class CurveTable:
     low, step : float
         First temperature and distance to the next.
     values : mapping of str to ndarray, shape (S, m)
-        By channel, and ``share``; see `COLD` and `SPAN`.
+        By channel, and ``share``; see `COLD_PREFIX` and `SPAN_PREFIX`.
     """
 
     low: float
@@ -184,13 +184,13 @@ class CurveTable:
         share = np.clip(self.values[SHARE], 1e-12, 1.0 - 1e-12)
         odds = np.maximum.accumulate(logit(share), axis=1)
         grid = self.low + self.step * np.arange(odds.shape[1])
-        even = np.arange(-ODDS, ODDS + ODDS_STEP, ODDS_STEP)
+        even = np.arange(-MAX_LOG_ODDS, MAX_LOG_ODDS + LOG_ODDS_STEP, LOG_ODDS_STEP)
         return np.stack([np.interp(even, own, grid) for own in odds])
 
     def where(self, share: Floats) -> Floats:
         """Temperature at which the curve has a share, of each draw, shape (S,) or (S, m)."""
         odds = logit(np.clip(share, 1e-12, 1.0 - 1e-12))
-        place = (odds + ODDS) / ODDS_STEP
+        place = (odds + MAX_LOG_ODDS) / LOG_ODDS_STEP
         return _between(self._places, place, _rows(len(self._places), place))
 
 
@@ -265,7 +265,7 @@ class Spring:
     @staticmethod
     def over(draws: BothDraws, low: float, high: float, rule: Rule = "proportional") -> Spring:
         """Tabulate curves between two temperatures."""
-        count = int(np.clip((high - low) / FINEST, 50, MOST_NODES)) + 1
+        count = int(np.clip((high - low) / TEMPERATURE_STEP, 50, MAX_NODES)) + 1
         grid = np.linspace(low, high, count)
         tables = {}
         for branch in Branch:
@@ -274,7 +274,7 @@ class Spring:
             values |= {c: own.curve(c, grid) for c in draws.channels if not draws.derived(c)}
             if own.posterior.model.sloped:
                 for c, phases in _phases(own, own.curve_theta, grid).items():
-                    values |= {COLD + c: phases.cold, SPAN + c: phases.span}
+                    values |= {COLD_PREFIX + c: phases.cold, SPAN_PREFIX + c: phases.span}
             tables[branch] = CurveTable(low, float(grid[1] - grid[0]), values)
         return Spring(draws, tables, rule)
 
@@ -290,7 +290,7 @@ class Spring:
     def kept(self) -> tuple[str, ...]:
         """What is carried over a turn: the share, and channels that are no slope of others."""
         names = self.tables[Branch.HEATING].values
-        return tuple(name for name in names if not name.startswith((COLD, SPAN)))
+        return tuple(name for name in names if not name.startswith((COLD_PREFIX, SPAN_PREFIX)))
 
     @property
     def size(self) -> int:
@@ -322,11 +322,11 @@ class Spring:
         """What `fade` tells, by the share on the curve of the branch that holds."""
         rest = np.where(state.heating, 1.0 - share, share)
         whole = np.where(state.heating, 1.0 - state.turned_at, state.turned_at)
-        left = np.minimum(np.maximum(rest / np.maximum(whole, LEAST_LEFT), 0.0), 1.0)
+        left = np.minimum(np.maximum(rest / np.maximum(whole, NEGLIGIBLE_SHARE), 0.0), 1.0)
         if self.rule == "proportional":
             return left
         whole = state.turned_at - state.reached
-        apart = np.abs(whole) > LEAST_LEFT
+        apart = np.abs(whole) > NEGLIGIBLE_SHARE
         return np.where(apart, np.clip((share - state.reached) / np.where(apart, whole, 1.0), 0.0, 1.0), left)
 
     def share(self, temperature: Floats, state: State) -> Floats:
@@ -340,7 +340,7 @@ class Spring:
         share = self.share(temperature, state)
         up, down = (self.tables[b].where(share) for b in (Branch.HEATING, Branch.COOLING))
         there = np.where(state.heating, up, down)
-        return np.where(np.abs(share - own) > SAME, there, temperature)
+        return np.where(np.abs(share - own) > SHARE_TOLERANCE, there, temperature)
 
     def value(self, name: str, temperature: Floats, state: State) -> Floats:
         """Channel that is no slope of others at temperatures [its unit]."""
@@ -352,11 +352,11 @@ class Spring:
         """Channel that the branch has at the share of austenite that there is, its phases at the temperature."""
         there = self.alike(temperature, state)
         own = self.curve(name, there, state.heating)
-        if COLD + name not in self.tables[Branch.HEATING].values:
+        if COLD_PREFIX + name not in self.tables[Branch.HEATING].values:
             return own
         here, away = (
-            self.curve(COLD + name, t, state.heating)
-            + self.share(temperature, state) * self.curve(SPAN + name, t, state.heating)
+            self.curve(COLD_PREFIX + name, t, state.heating)
+            + self.share(temperature, state) * self.curve(SPAN_PREFIX + name, t, state.heating)
             for t in (temperature, there)
         )
         return np.asarray(own + here - away)

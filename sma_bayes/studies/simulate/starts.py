@@ -11,12 +11,12 @@ from sma_bayes.studies.ask.workflow import asked_temperature
 from sma_bayes.studies.simulate.course import Start
 
 UNIT: Final = "degC"
-ROOMS: Final = (Start("cold"), Start("hot"))
+ROOM_STARTS: Final = (Start("cold"), Start("hot"))
 """Where it is not told from where the alloy came to the temperature of the room."""
 
 
 def starts_of(asked: str | Sequence[str] | None) -> tuple[Start, ...]:
-    """Starts that are asked for; both of `ROOMS` where none is.
+    """Starts that are asked for; both of `ROOM_STARTS` where none is.
 
     Raises
     ------
@@ -26,7 +26,7 @@ def starts_of(asked: str | Sequence[str] | None) -> tuple[Start, ...]:
         If a temperature has no unit or can't be.
     """
     texts = [asked] if isinstance(asked, str) else list(asked or ())
-    found = tuple(map(_start, texts)) or ROOMS
+    found = tuple(map(_start, texts)) or ROOM_STARTS
     if len({s.name for s in found}) < len(found):
         raise SmaBayesError(
             f"--start {' --start '.join(texts)}", expected="starts that differ in their first word"
@@ -37,7 +37,7 @@ def starts_of(asked: str | Sequence[str] | None) -> tuple[Start, ...]:
 def _start(text: str) -> Start:
     name, colon, temperature = text.partition(":")
     name = name.strip()
-    if not colon and name in [s.name for s in ROOMS]:
+    if not colon and name in [s.name for s in ROOM_STARTS]:
         return Start(name)
     if name not in [b.value for b in Branch] or not temperature.strip():
         raise SmaBayesError(

@@ -22,7 +22,7 @@ from sma_bayes.studies.simulate.schema import (
     ValueAtEnd,
 )
 
-OFTEN: Final = 0.05
+LEAST_PASSING_SHARE: Final = 0.05
 """Share of the draws that pass a value, below which where they do is only counted."""
 
 
@@ -122,7 +122,7 @@ def reach_texts(reach: ReachDocument) -> Iterator[list[str]]:
 
 
 def _current_text(c: ReachOfCondition) -> str:
-    often = [p for p in c.passages if p.probability >= OFTEN]
+    often = [p for p in c.passages if p.probability >= LEAST_PASSING_SHARE]
     told = [
         f"{interval_text(p.median, p.q05, p.q95)} A ({p.direction}, in {p.probability:.0%} of the draws"
         f"{', beyond the measured currents' if p.beyond_measured else ''})"
@@ -130,7 +130,7 @@ def _current_text(c: ReachOfCondition) -> str:
     ]
     if len(often) < len(c.passages):
         told.append(
-            f"{many(len(c.passages) - len(often), 'other')} in less than {OFTEN:.0%} of the draws each"
+            f"{many(len(c.passages) - len(often), 'other')} in less than {LEAST_PASSING_SHARE:.0%} of the draws each"
         )
     reachable = f"reached within the measured temperatures with probability {c.reachable:.3g}"
     return f"{'; '.join(told) or 'none'}; {reachable}"

@@ -57,9 +57,9 @@ from sma_bayes.studies.study_step import Checks, FromFitTable, StudyStep, Texts
 
 DRAWS: Final = 400
 BAND: Final = {"q05": 0.05, "q50": 0.5, "q95": 0.95}
-RARELY: Final = 0.05
+EXTRAPOLATED_SHARE: Final = 0.05
 """Share of the draws beyond what was measured from which on a course counts as extrapolated."""
-OUTSIDE: Final = 0.02
+EXTRAPOLATION_TOLERANCE: Final = 0.02
 """How far beyond what was measured, as a share of its range, does not count: readings have their noise."""
 OTHER_DRAWS: Final = 50
 """Draws by which the other rule for minor loops is told."""
@@ -471,12 +471,12 @@ def _run(
     course = follow(spring, balance, profile, start)
     bands, units, names = _bands(spring, balance, course, pair, rng)
     coldest, hottest = own.measured
-    room = OUTSIDE * (hottest - coldest)
+    room = EXTRAPOLATION_TOLERANCE * (hottest - coldest)
     outside = np.mean((course.temperature < coldest - room) | (course.temperature > hottest + room), axis=0)
     file = f"bands/{own.condition}-{start.name}.csv"
     if folder is not None:
         write_csv(folder / file, _columns(course, bands, units, outside))
-    often = np.flatnonzero(outside > RARELY)
+    often = np.flatnonzero(outside > EXTRAPOLATED_SHARE)
     peak = int(np.argmax(bands["temperature"]["q50"]))
     inside = float(np.mean(course.inside))
     path = pair[0].path
@@ -495,7 +495,9 @@ def _run(
         extrapolated_from=float(course.time[often[0]]) if often.size else None,
         turns=float(np.mean(course.turns)),
         inside=inside,
-        other_rule=_other_rule(spring, balance, profile, start, course) if inside > RARELY else None,
+        other_rule=_other_rule(spring, balance, profile, start, course)
+        if inside > EXTRAPOLATED_SHARE
+        else None,
         caution=path.message if "stiffness" in names and path.kind != "path_slope" else None,
     )
 

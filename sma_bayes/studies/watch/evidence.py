@@ -21,9 +21,9 @@ probability of at most :math:`\alpha`. Where several laws of training are possib
 taken, which is valid under each of them.
 
 That holds for normal scatter. Where every few sweeps are far off, one of them would be taken for a change; so what is
-left of each watched value by least squares is first held to `FARTHEST` robust standard deviations, those of all cycles
-so far. A single sweep that is far off then weighs little, while a change soon widens what it is measured by. The price
-is that the rate is measured, no longer proved; of normal values nearly none is held.
+left of each watched value by least squares is first held to `HUBER_BOUND` robust standard deviations, those of all
+cycles so far. A single sweep that is far off then weighs little, while a change soon widens what it is measured by. The
+price is that the rate is measured, no longer proved; of normal values nearly none is held.
 
 References
 ----------
@@ -49,9 +49,9 @@ STEP, RAMP = "step", "ramp"
 SHAPES: Final = (STEP, RAMP)
 SIZES: Final = {STEP: np.array([2.0, 8.0, 32.0]), RAMP: np.array([0.05, 0.5, 5.0])}
 """Standard deviations of the prior of a change, in those of the scatter: of a step, and of a ramp per cycle."""
-FARTHEST: Final = 2.5
+HUBER_BOUND: Final = 2.5
 """Robust standard deviations to which what is left of a value is held."""
-SINGULAR: Final = 1e-9
+SINGULAR_TOLERANCE: Final = 1e-9
 """Share of its length below which what is left of a column, or of the data, counts as nothing."""
 
 
@@ -159,11 +159,11 @@ def log_ratios(numbers: Watched, design: Floats, watched: int) -> Floats:
 
 
 def _held(y: Floats, fitted: Floats, w: Floats, spare: int) -> Floats:
-    """Values (n, K) whose distance from fitted ones is at most `FARTHEST` robust standard deviations."""
+    """Values (n, K) whose distance from fitted ones is at most `HUBER_BOUND` robust standard deviations."""
     root = np.sqrt(w)[:, None]
     left = (y - fitted) * root
     robust = MAD_TO_SD * np.median(np.abs(left), axis=0) * np.sqrt(len(y) / spare)
-    most = np.where(robust > 0.0, FARTHEST * robust, np.inf)
+    most = np.where(robust > 0.0, HUBER_BOUND * robust, np.inf)
     return np.asarray(fitted + np.clip(left, -most, most) / root)
 
 
@@ -171,7 +171,7 @@ def _of_shape(shape: str, sums: Floats, length: Floats, least: LeastSquaresOfNum
     """Of a column g that begins at each place: from sums of it with 1, x and what is left, and of its square."""
     p = least.root.shape[0]
     kept = length - np.sum((sums[:, 1 : 1 + p] @ least.root) ** 2, axis=1)
-    kept = np.where(kept > SINGULAR * length, kept, 0.0)[:, None]
+    kept = np.where(kept > SINGULAR_TOLERANCE * length, kept, 0.0)[:, None]
     size = SIZES[shape] ** 2
     grown = 1.0 + size * kept
     along = np.where(kept > 0.0, sums[:, 1 + p :] ** 2 / least.left, 0.0)
@@ -192,11 +192,11 @@ def least_squares_of(y: Floats, w: Floats, x: Floats) -> LeastSquaresOfNumbers |
         return None
     weight = np.sqrt(w)[:, None]
     q, r = np.linalg.qr(x * weight)
-    if np.abs(np.diag(r)).min() < SINGULAR * np.abs(r).max():
+    if np.abs(np.diag(r)).min() < SINGULAR_TOLERANCE * np.abs(r).max():
         return None
     along = q.T @ (weight * y)
     left = np.sum((weight * y - q @ along) ** 2, axis=0)
-    told = left > (SINGULAR * np.abs(weight * (y - y[0])).max(axis=0)) ** 2
+    told = left > (SINGULAR_TOLERANCE * np.abs(weight * (y - y[0])).max(axis=0)) ** 2
     inverse = np.linalg.inv(r)
     return LeastSquaresOfNumbers(inverse, inverse @ along, np.where(told, left, np.nan), spare)
 

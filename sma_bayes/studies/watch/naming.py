@@ -38,7 +38,7 @@ LEAST_P: Final = 0.01
 """Probability of what a cause leaves, below which it is not supported."""
 LEAST_SHARE: Final = 0.8
 """Share of the change that it has to carry."""
-AS_GOOD: Final = 4.0
+CHI_SQUARE_MARGIN: Final = 4.0
 """How much more causes may leave that are named beside the best one [chi square]."""
 OFFSET, STROKE, SHIFT, WIDTH = range(4)
 
@@ -145,7 +145,7 @@ def named(change: Change, causes: Sequence[Cause]) -> list[NamedCause]:
         if supported:
             fewest = min(n.amount.size for n in supported)
             few = sorted((n for n in supported if n.amount.size == fewest), key=lambda n: n.left)
-            return [n for n in few if n.left <= few[0].left + AS_GOOD]
+            return [n for n in few if n.left <= few[0].left + CHI_SQUARE_MARGIN]
     return []
 
 

@@ -24,7 +24,7 @@ from sma_bayes.records.split import split_run
 from sma_bayes.records.types import Record
 from sma_bayes.studies.cycles.sweeps import LEAST_SAMPLES, sweeps_of
 
-COVERED: Final = 0.9
+LEAST_COVERED_SHARE: Final = 0.9
 """Share of the temperatures of the fitted sweeps that a whole sweep covers."""
 TEXT: Final = ("delimited", "lvm")
 """Formats of lines, the last of which may not be whole."""
@@ -148,7 +148,7 @@ class NewFileReader:
             records = self._split(run, declared)
         except MeasurementError:
             share = max(f.covered(_finite(run)) for f in self.fitted.values())
-            if share >= COVERED:
+            if share >= LEAST_COVERED_SHARE:
                 raise
             return NewFile(path, sha256, (), (f"{path.name}: {self._extent(run)}",), cut)
         cycles, partial = self._cycles(records, path)
@@ -207,7 +207,7 @@ class NewFileReader:
                 continue
             for cycle, sweep in _sweeps(record):
                 found.setdefault(cycle, {})[branch] = sweep
-                if fitted.covered(sweep.temperature) < COVERED:
+                if fitted.covered(sweep.temperature) < LEAST_COVERED_SHARE:
                     short.setdefault(cycle, []).append(self._span(branch, sweep.temperature))
         cycles, partial = [], []
         for cycle in sorted(found):

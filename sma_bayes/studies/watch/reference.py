@@ -11,7 +11,7 @@ import numpy as np
 from sma_bayes.arrays import Floats
 from sma_bayes.errors import MeasurementError
 from sma_bayes.records.types import Branch, Record
-from sma_bayes.studies.cycles.laws import FORMS, NONE, PACES, POWERS, LawPosterior, Series, approach
+from sma_bayes.studies.cycles.laws import LAW_POWERS, LAWS, N0_GRID, NONE, LawPosterior, Series, approach
 from sma_bayes.studies.cycles.sweeps import NUMBERS, PRIOR_SD, USUAL_SCATTER, Strand, fit_strand, sweeps_of
 from sma_bayes.studies.watch.evidence import Watched
 from sma_bayes.studies.watch.state import StrandNumbers
@@ -19,9 +19,9 @@ from sma_bayes.studies.watch.state import StrandNumbers
 NOISE: Final = "noise"
 WATCHED: Final = (*NUMBERS, NOISE)
 """Numbers of a sweep: the four of the shape-invariant model, and what these leave (ln of its root mean square)."""
-LIKELY: Final = 0.95
+N0_MASS: Final = 0.95
 """Share of the posterior of N0 whose values count as possible while nothing changes."""
-MOST_PACES: Final = 7
+MAX_N0: Final = 7
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -184,11 +184,11 @@ def _law(
     if posterior.chosen == NONE:
         return NONE, ()
     paces: list[tuple[float, float]] = []
-    for form in FORMS:
-        if posterior.probability[form] >= 1.0 - LIKELY:
+    for form in LAWS:
+        if posterior.probability[form] >= 1.0 - N0_MASS:
             reached = np.cumsum(posterior.pace_weights(form))
-            tail = 0.5 * (1.0 - LIKELY)
+            tail = 0.5 * (1.0 - N0_MASS)
             low, high = (int(np.searchsorted(reached, q)) for q in (tail, 1.0 - tail))
-            some = np.unique(np.linspace(low, min(high, PACES.size - 1), MOST_PACES).round().astype(int))
-            paces += [(power, float(PACES[i])) for power in POWERS[form] for i in some]
+            some = np.unique(np.linspace(low, min(high, N0_GRID.size - 1), MAX_N0).round().astype(int))
+            paces += [(power, float(N0_GRID[i])) for power in LAW_POWERS[form] for i in some]
     return posterior.chosen, tuple(paces)

@@ -20,12 +20,12 @@ from sma_bayes.studies.watch.reference import Reference
 from sma_bayes.studies.watch.schema import LimitDocument
 from sma_bayes.studies.watch.state import StrandNumbers
 
-AHEAD: Final = 200
+FORECAST_CYCLES: Final = 200
 """Cycles over which limits are looked for."""
 HISTORY: Final = 200
 """Latest cycles, at most, from which the course is told."""
 DRAWS: Final = 1000
-FEWEST: Final = 3
+LEAST_CYCLES: Final = 3
 """Cycles, fitted or watched, from which a course is told."""
 NOT_YET: Final = "remaining cycles are told from three cycles on"
 """What is said of limits before there are so many."""
@@ -132,14 +132,14 @@ def remaining_cycles(
     SmaBayesError
         If nothing that was fitted has a quantity, or its unit is another one.
     """
-    if not limits or reference.fitted + len(later) < FEWEST:
+    if not limits or reference.fitted + len(later) < LEAST_CYCLES:
         return []
     total = reference.fitted + len(later)
     first = max(0, total - HISTORY)
-    if begins is not None and total - (reference.fitted + begins - 2) >= FEWEST:
+    if begins is not None and total - (reference.fitted + begins - 2) >= LEAST_CYCLES:
         first = max(first, reference.fitted + begins - 2)
     strands = [_extended(reference, s, later, first) for s in range(len(reference.strands))]
-    pooled = pool(strands, AHEAD, seed, DRAWS)
+    pooled = pool(strands, FORECAST_CYCLES, seed, DRAWS)
     settled = replace(pooled, draws=tuple(replace(d, sweep=d.state) for d in pooled.draws))
     return [r for limit in limits for r in _of_limit(reference, settled, limit)]
 

@@ -6,8 +6,8 @@ from typing import Final
 
 from sma_bayes.document_part import IntervalDocument
 from sma_bayes.report.content import Estimate, Number
-from sma_bayes.report.notation import NORMAL_90, unit_label
-from sma_bayes.report.tables import OF_ROW, Cell, Column, Table
+from sma_bayes.report.notation import NORMAL_90_WIDTH, unit_label
+from sma_bayes.report.tables import UNIT_OF_ROW, Cell, Column, Table
 from sma_bayes.studies.watch.schema import LimitDocument, StoredWatch, WatchDocument, WatchedNumber
 
 CURVE = (Column("branch", "branch"), Column("channel", "channel"))
@@ -22,8 +22,9 @@ def watch_tables(stored: StoredWatch) -> dict[str, Table]:
 
 def _numbers(found: WatchDocument) -> Table:
     columns = (
-        *CURVE, Column("number", "number"), Column("unit", "unit"), Column("fitted, mean", "fitted", OF_ROW),
-        Column("last value", "last", OF_ROW), Column("normal range from", "low", OF_ROW), Column("to", "high", OF_ROW),
+        *CURVE, Column("number", "number"), Column("unit", "unit"), Column("fitted, mean", "fitted", UNIT_OF_ROW),
+        Column("last value", "last", UNIT_OF_ROW), Column("normal range from", "low", UNIT_OF_ROW),
+        Column("to", "high", UNIT_OF_ROW),
         Column("log10 e-value", "log10_e", "1"), Column("alarm", "alarm"),
     )  # fmt: skip
     count = len(found.fitted)
@@ -64,7 +65,7 @@ def _causes(found: WatchDocument) -> Table:
     columns = (
         Column("cause", "cause"), Column("kind", "of"), Column("effects of gap", "effects"),
         Column("share of the change", "share", "1"), Column("p-value of the residual", "p_value", "1"),
-        Column("amount", "amount"), Column("unit", "unit"), Column("at the last cycle", "value", OF_ROW),
+        Column("amount", "amount"), Column("unit", "unit"), Column("at the last cycle", "value", UNIT_OF_ROW),
     )  # fmt: skip
     rows = tuple(
         (
@@ -84,8 +85,8 @@ def _causes(found: WatchDocument) -> Table:
 def _limits(found: WatchDocument) -> Table:
     curves = list(dict.fromkeys((r.branch, r.channel) for r in found.limits))
     columns = (
-        *CURVE, Column("limit", "limit"), Column("unit", "unit"), Column("fitted", "fitted", OF_ROW),
-        Column("now", "now", OF_ROW), Column("limit at", "target", OF_ROW),
+        *CURVE, Column("limit", "limit"), Column("unit", "unit"), Column("fitted", "fitted", UNIT_OF_ROW),
+        Column("now", "now", UNIT_OF_ROW), Column("limit at", "target", UNIT_OF_ROW),
         Column("cycles that remain", "remaining"), Column("reached in time", "probability", "1"),
     )  # fmt: skip
     rows = tuple(
@@ -105,7 +106,7 @@ def _limits(found: WatchDocument) -> Table:
 
 
 def _sd(now: IntervalDocument) -> float | None:
-    return None if now.q05 is None or now.q95 is None else (now.q95 - now.q05) / NORMAL_90
+    return None if now.q05 is None or now.q95 is None else (now.q95 - now.q05) / NORMAL_90_WIDTH
 
 
 def remaining_text(r: LimitDocument) -> str:

@@ -9,12 +9,12 @@ from typing import Any, Final
 from sma_bayes.errors import many
 from sma_bayes.quantities import quantity_of
 from sma_bayes.report.notation import unit_label, write
-from sma_bayes.report.screen import FIT_AGAIN, SHOWN, Screen, numbers, screen, show_end, titled
+from sma_bayes.report.screen import ENTRIES_SHOWN, FIT_AGAIN, Screen, numbers, screen, show_end, titled
 from sma_bayes.runs.shown import in_declared_units
 from sma_bayes.studies.watch.schema import WatchDocument, WatchedNumber
 from sma_bayes.studies.watch.tables import scatter_of
 
-LAST: Final = 5
+CYCLES_SHOWN: Final = 5
 """Cycles that are shown number by number."""
 
 
@@ -28,8 +28,10 @@ def show_watch(told: Mapping[str, Any], out: Path | None) -> None:
     )
     if found.cycles:
         _show_numbers(console, found)
-    console.tell(*(f"not whole, not counted: {text}" for text in found.partial[-SHOWN:]))
-    console.tell(*(f"remark: {text}" for text in (*found.declared_differently, *found.remarks[-SHOWN:])))
+    console.tell(*(f"not whole, not counted: {text}" for text in found.partial[-ENTRIES_SHOWN:]))
+    console.tell(
+        *(f"remark: {text}" for text in (*found.declared_differently, *found.remarks[-ENTRIES_SHOWN:]))
+    )
     console.tell(*(limit.statement for limit in found.limits))
     if not found.converged:
         console.tell(f"NOT CONVERGED: the fit must not be relied on; {FIT_AGAIN}.")
@@ -38,7 +40,7 @@ def show_watch(told: Mapping[str, Any], out: Path | None) -> None:
 
 
 def _show_numbers(console: Screen, found: WatchDocument) -> None:
-    last = found.cycles[-LAST:]
+    last = found.cycles[-CYCLES_SHOWN:]
     counted = map(numbers, [*(f"{c.cycle}" for c in last), "log10 e-value"])
     table = titled("watched cycles; ! is outside the normal range (95 %)", "", "normal", *counted)
     for n in found.numbers:

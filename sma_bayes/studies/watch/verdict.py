@@ -36,11 +36,11 @@ from sma_bayes.studies.watch.state import StrandNumbers, WatchState
 
 FEWEST_SPARE: Final = 2
 """Degrees of freedom from which a scatter is told: two sweeps alone leave it open by a factor of hundreds."""
-ROUNDING: Final = 1e-6
+RELATIVE_TOLERANCE: Final = 1e-6
 """Share of a value below which its scatter is that of rounding: sweeps that are copies of each other."""
-NORMAL: Final = 0.975
+NORMAL_LEVEL: Final = 0.975
 LOG10: Final = float(np.log(10.0))
-STRETCHES: Final = ("gain", "stroke", "width")
+LOGARITHMIC_AMOUNTS: Final = ("gain", "stroke", "width")
 """Amounts that are changes of a logarithm."""
 NO_CHANGE: Final = ChangeDocument(verdict="none", causes=(), statement="no change that needs a name")
 
@@ -166,9 +166,9 @@ def normal_range(watched: Watched, base: int) -> tuple[Floats, Floats]:
         return none, none
     size = 1.0 / watched.weight + np.sum((design @ least.root) ** 2, axis=1)
     scatter = np.sqrt(least.left / least.spare * size[:, None])
-    by = t_distribution.ppf(NORMAL, least.spare) * scatter
+    by = t_distribution.ppf(NORMAL_LEVEL, least.spare) * scatter
     middle = design @ least.beta
-    by[by <= ROUNDING * np.abs(middle)] = np.nan
+    by[by <= RELATIVE_TOLERANCE * np.abs(middle)] = np.nan
     return middle - by, middle + by
 
 
@@ -222,7 +222,7 @@ def _cause(n: NamedCause, change: Change) -> CauseDocument:
 def _amount(a: AmountDocument) -> str:
     """What has changed, and by how much; a stretch, which is a logarithm in the document, in percent."""
     ends, name = (a.median, a.q05, a.q95), a.name.replace("_", " ")
-    if a.name not in STRETCHES:
+    if a.name not in LOGARITHMIC_AMOUNTS:
         return f"{name} {interval_text(*ends)} {unit_label(a.unit)}".rstrip()
     return f"{name} {interval_text(*(None if v is None else 100.0 * math.expm1(v) for v in ends))} %"
 

@@ -39,7 +39,7 @@ from sma_bayes.studies.watch.reading import (
 )
 from sma_bayes.studies.watch.reference import WATCHED, Reference, reference_of
 from sma_bayes.studies.watch.remaining import (
-    FEWEST,
+    LEAST_CYCLES,
     NOT_YET,
     WatchLimit,
     limit_of,
@@ -337,7 +337,7 @@ class Watch:
             f"{key}: the common curve of the fitted sweeps has not settled"
             for key in dict.fromkeys(unsettled)
         ]
-        if self.limits and self.reference.fitted + len(self.state.cycles) < FEWEST:
+        if self.limits and self.reference.fitted + len(self.state.cycles) < LEAST_CYCLES:
             out.append(NOT_YET)
         return out
 

@@ -12,8 +12,15 @@ from scipy.special import expit
 
 from sma_bayes import fit
 from sma_bayes.assess import adequacy
-from sma_bayes.assess.adequacy import MISSED, PRIOR_LED, DiscrepancySummary, led_by_prior, missed, reasons
-from sma_bayes.assess.checks import CHANCE, STATISTICS, Check, predictive_checks
+from sma_bayes.assess.adequacy import (
+    LARGEST_MISFIT_SHARE,
+    PRIOR_LED_CONTRACTION,
+    DiscrepancySummary,
+    led_by_prior,
+    missed,
+    reasons,
+)
+from sma_bayes.assess.checks import FALSE_ALARM_RATE, STATISTICS, Check, predictive_checks
 from sma_bayes.assess.conflict import contradicted
 from sma_bayes.assess.loops import branch_quantities
 from sma_bayes.assess.nearest import nearest_sigmoids
@@ -48,7 +55,7 @@ def test_white_noise_on_the_model_is_adequate(good: Fit) -> None:
     assert len(branch_quantities(good)) == 3
 
 
-@pytest.mark.parametrize("p_value", [0.0, 0.5 * CHANCE, 1.0 - 0.5 * CHANCE])
+@pytest.mark.parametrize("p_value", [0.0, 0.5 * FALSE_ALARM_RATE, 1.0 - 0.5 * FALSE_ALARM_RATE])
 def test_a_check_that_fails_is_a_reason(good: Fit, p_value: float) -> None:
     check = Check("force", "lag1", 0.9, -0.2, 0.2, p_value, "memory")
     (why,) = reasons(good, 0, [check, replace(check, p_value=0.01)], {})
@@ -97,12 +104,12 @@ def test_what_nobody_would_see_or_is_small_is_no_reason(good: Fit) -> None:
     """Both must be: a good share of the range, and several standard deviations of the noise."""
     sd = float(np.median(good.flat[:, good.posterior.layout[0].noise["force"][0]]))
     seen = DiscrepancySummary(
-        unit="N", rms=1.0, largest=10.0 * sd, at=50.0, share=2.0 * MISSED, ln_bayes_factor=20.0
+        unit="N", rms=1.0, largest=10.0 * sd, at=50.0, share=2.0 * LARGEST_MISFIT_SHARE, ln_bayes_factor=20.0
     )
     (why,) = reasons(good, 0, (), {"force": seen})
     assert (why.kind, why.channel) == ("curve", "force")
     assert "by up to 4.0 % of its range, at 50 °C" in why.message
-    assert reasons(good, 0, (), {"force": seen.but(share=0.5 * MISSED)}) == ()
+    assert reasons(good, 0, (), {"force": seen.but(share=0.5 * LARGEST_MISFIT_SHARE)}) == ()
     assert reasons(good, 0, (), {"force": seen.but(largest=-2.0 * sd)}) == ()
 
 
@@ -113,7 +120,7 @@ def test_a_second_step_is_missed_by_the_curve(make_record: Callable[..., Record]
     found = fitted(replace(r, observed={**r.observed, "displacement": x + step}))
     assert kinds(found) == [("curve", "displacement")]
     m = missed(found)["displacement"]
-    assert m.share > MISSED
+    assert m.share > LARGEST_MISFIT_SHARE
     assert m.ln_bayes_factor > 3.0
     assert abs(m.largest) >= m.rms > 0.0
     assert r.temperature.min() <= m.at <= r.temperature.max()
@@ -167,7 +174,9 @@ def test_a_real_memory_is_no_reason(make_record: Callable[..., Record]) -> None:
         assert "memory" not in {kind for kind, _ in kinds(found)}
 
 
-@pytest.mark.parametrize(("moved", "led"), [(1.02 * PRIOR_LED, False), (0.98 * PRIOR_LED, True)])
+@pytest.mark.parametrize(
+    ("moved", "led"), [(1.02 * PRIOR_LED_CONTRACTION, False), (0.98 * PRIOR_LED_CONTRACTION, True)]
+)
 def test_a_curve_that_its_prior_leads_gives_no_stiffness(
     good: Fit, monkeypatch: pytest.MonkeyPatch, moved: float, led: bool
 ) -> None:

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 from scipy.stats import chi2, kstest
 
-from sma_bayes.assess.checks import CHANCE
+from sma_bayes.assess.checks import FALSE_ALARM_RATE
 from sma_bayes.assess.sweeps import LeftOutSweep, _distance, left_out_sweeps, sweep_checks
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.fit_records import fit_records
@@ -84,7 +84,7 @@ def test_places_are_uniform_under_the_truth_of_more_records(noise: str, sweeps: 
     pit, p = places(noise, sweeps, 60)
     assert kstest(pit, "uniform").pvalue > ALARM / 3.0
     assert kstest(p, "uniform").pvalue > ALARM / 3.0
-    assert np.sum(np.array(p) < CHANCE) <= 1
+    assert np.sum(np.array(p) < FALSE_ALARM_RATE) <= 1
 
 
 @pytest.mark.parametrize("noise", ["independent", "ar1"])
@@ -93,7 +93,7 @@ def test_a_sweep_that_differs_is_found_and_named(noise: str) -> None:
     found = left_out_sweeps(fitted(1, 4, 2.0, noise))
     (check,) = sweep_checks(found)
     assert check.failed
-    assert check.p_value < CHANCE
+    assert check.p_value < FALSE_ALARM_RATE
     assert check.meaning.endswith("sweep 4")
     assert max(found, key=lambda s: s.distance or 0.0).sweep == 4
     assert check.measured > check.q95

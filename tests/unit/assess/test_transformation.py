@@ -13,7 +13,7 @@ from scipy.special import expit
 from sma_bayes import fit
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.transformation import (
-    OUTSTANDING,
+    MAX_OUTSTANDING_SHARE,
     tangents,
     transformation_temperatures,
 )
@@ -130,7 +130,7 @@ def test_a_sweep_that_stops_short_of_a_plateau_is_flagged(make_record: Callable[
     start, finish = transformation_temperatures(fit)
     assert start.within_data
     assert not finish.within_data
-    assert finish.outstanding > OUTSTANDING > start.outstanding
+    assert finish.outstanding > MAX_OUTSTANDING_SHARE > start.outstanding
     left_out = 1.0 - 1.0 / (1.0 + np.exp(-0.3 * (51.0 - 48.0)))
     assert finish.outstanding == pytest.approx(left_out, abs=0.15)
 

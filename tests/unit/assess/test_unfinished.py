@@ -16,7 +16,13 @@ from sma_bayes import fit
 from sma_bayes.arrays import Floats
 from sma_bayes.assess import transformation
 from sma_bayes.assess.transformation import Temperature, tangents, transformation_temperatures
-from sma_bayes.assess.unfinished import OF_A_PHASE, UNFINISHED, Unfinished, probability_unfinished, unfinished
+from sma_bayes.assess.unfinished import (
+    PHASE_SLOPE_SD,
+    TRUNCATION_SLOPE_SD,
+    Unfinished,
+    probability_unfinished,
+    unfinished,
+)
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.types import Campaign, Record
@@ -27,7 +33,7 @@ WIDTH = HIGH - LOW
 
 def test_the_probability_is_that_of_bayes() -> None:
     s = np.linspace(-2.0, 2.0, 41)
-    phase, other = norm.pdf(s, scale=OF_A_PHASE), halfnorm.pdf(s, scale=UNFINISHED)
+    phase, other = norm.pdf(s, scale=PHASE_SLOPE_SD), halfnorm.pdf(s, scale=TRUNCATION_SLOPE_SD)
     np.testing.assert_allclose(probability_unfinished(s), other / (other + phase), rtol=1e-12)
     assert probability_unfinished(np.array([1e6]))[0] == 1.0
 
@@ -36,7 +42,7 @@ def test_slopes_of_phases_are_those_of_the_priors() -> None:
     said = tomllib.loads(read_priors("phase_slopes").text)["both"]
     slopes = [belief for name, belief in said.items() if name.endswith("_slope")]
     assert len(slopes) == 4
-    assert {(s["family"], s["mean"], s["sd"]) for s in slopes} == {("normal", 0.0, OF_A_PHASE)}
+    assert {(s["family"], s["mean"], s["sd"]) for s in slopes} == {("normal", 0.0, PHASE_SLOPE_SD)}
     assert all(s["relative_to"].endswith("/span(temperature)") for s in slopes)
 
 

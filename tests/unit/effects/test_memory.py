@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
-from sma_bayes.effects.memory import FORGOTTEN, elapsed, lagged
+from sma_bayes.effects.memory import MEMORY_TIME_CONSTANTS, elapsed, lagged
 
 
 @pytest.mark.parametrize("tau", [0.01, 0.7, 20.0, 5000.0])
@@ -28,7 +28,9 @@ def test_breaks_hold_or_forget() -> None:
     source = np.array([0.0, 1.0, 1.0, 5.0, 5.0])
     held = lagged(source, np.array([0.0, 1.0, 1.0, 0.0, 1.0]))
     assert held[3] == pytest.approx(held[2])
-    assert lagged(source, np.array([0.0, 1.0, 1.0, FORGOTTEN, 1.0]))[3] == pytest.approx(5.0, abs=1e-5)
+    assert lagged(source, np.array([0.0, 1.0, 1.0, MEMORY_TIME_CONSTANTS, 1.0]))[3] == pytest.approx(
+        5.0, abs=1e-5
+    )
 
 
 def test_a_batch_of_time_constants() -> None:

@@ -8,9 +8,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from sma_bayes.fitting.fit import KEPT, Fit
+from sma_bayes.fitting.fit import DRAWS_PER_ENSEMBLE, Fit
 from sma_bayes.fitting.fit_records import (
-    UNDETERMINED_BLOCK,
+    UNDETERMINED_BLOCK_STEPS,
     UNDETERMINED_EVALUATIONS,
     UNSEEN_EVALUATIONS,
     exact_channels,
@@ -40,7 +40,7 @@ def fit(record: Record) -> Fit:
 def test_draws_are_kept_evenly_from_every_ensemble(fit: Fit) -> None:
     groups, steps, walkers, d = fit.draws.z.shape
     assert fit.converged
-    assert fit.z.shape == (groups, min(KEPT, steps * walkers), d)
+    assert fit.z.shape == (groups, min(DRAWS_PER_ENSEMBLE, steps * walkers), d)
     assert fit.theta.shape == (*fit.z.shape[:2], len(fit.posterior.space.names))
     assert fit.flat.shape == (fit.z.shape[0] * fit.z.shape[1], fit.theta.shape[-1])
     np.testing.assert_array_equal(fit.theta, fit.posterior.space.constrain(fit.z))
@@ -135,7 +135,7 @@ def test_a_curve_that_nobody_can_see_takes_bounded_work(
     found = fit_records([hopeless(kind, make_record(n=40, noise=0.02))], DEFAULT)
     start = found.warm_start
     assert not seen(start) or excluded(found.posterior, start)
-    block = UNDETERMINED_BLOCK * 4 * 64
+    block = UNDETERMINED_BLOCK_STEPS * 4 * 64
     assert whole_evaluations(found) < UNDETERMINED_EVALUATIONS + 2 * block + UNDETERMINED_EVALUATIONS // 4
 
 
@@ -148,7 +148,7 @@ def test_a_curve_that_was_computed_is_told_and_takes_bounded_work(
     found = fit_records([record], DEFAULT)
     assert exact_channels(found.posterior, found.start, 0) == record.channels
     assert all(found.warm_start.fit[0][c].rmse < 1e-12 * np.ptp(y) for c, y in record.observed.items())
-    assert whole_evaluations(found) < UNDETERMINED_EVALUATIONS + UNDETERMINED_BLOCK * 4 * 64
+    assert whole_evaluations(found) < UNDETERMINED_EVALUATIONS + UNDETERMINED_BLOCK_STEPS * 4 * 64
 
 
 def test_a_logger_of_24_bits_measures_and_does_not_compute(make_record: Callable[..., Record]) -> None:

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sma_bayes.fitting.fit_records import AUTO, support_for
-from sma_bayes.fitting.model_choice import EARNED, Support, best_supported
+from sma_bayes.fitting.model_choice import LEAST_LN_EVIDENCE_GAIN, Support, best_supported
 from sma_bayes.records.types import Record
 from sma_bayes.response import ladder
 
@@ -22,8 +22,8 @@ def support(evidence: dict[str, float], missed: dict[str, float]) -> Support:
 
 def test_a_richer_curve_needs_both_evidence_and_prediction() -> None:
     better = {PLAIN: 0.02, RICH: 0.01}
-    assert best_supported([support({PLAIN: 0.0, RICH: EARNED + 0.1}, better)]).name == RICH
-    assert best_supported([support({PLAIN: 0.0, RICH: EARNED - 0.1}, better)]).name == PLAIN
+    assert best_supported([support({PLAIN: 0.0, RICH: LEAST_LN_EVIDENCE_GAIN + 0.1}, better)]).name == RICH
+    assert best_supported([support({PLAIN: 0.0, RICH: LEAST_LN_EVIDENCE_GAIN - 0.1}, better)]).name == PLAIN
     worse = {PLAIN: 0.01, RICH: 0.02}
     choice = best_supported([support({PLAIN: 0.0, RICH: 50.0}, worse)])
     assert choice.name == PLAIN

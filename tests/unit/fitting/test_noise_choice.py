@@ -10,9 +10,9 @@ import pytest
 
 from sma_bayes.fitting import noise_choice
 from sma_bayes.fitting.noise_choice import (
-    EARNED,
-    REFUTED,
-    SHORT,
+    LEAST_LN_EVIDENCE_GAIN,
+    MAX_MEMORY_SAMPLES,
+    MEMORY_LN_EVIDENCE_LOSS,
     NoiseChoice,
     choose_noise,
     noise_start,
@@ -152,7 +152,7 @@ def test_misfit_is_given_a_discrepancy_and_the_noise_is_not_blamed(
     choice = choice_for(record)
     assert set(choice.bases[0]) == {"force"}
     # a memory, which may stay beside it, would explain a part of the misfit by itself
-    assert choice.discrepancy["force"] > 20.0 * EARNED
+    assert choice.discrepancy["force"] > 20.0 * LEAST_LN_EVIDENCE_GAIN
     assert choice.lag1["force"] > 0.7
     sd, size = choice.estimate[0]["force"][0], choice.estimate[0]["force"][-1]
     assert sd == pytest.approx(0.002 * np.ptp(record.observed["force"]), rel=0.3)
@@ -170,8 +170,10 @@ def test_a_memory_stays_beside_a_discrepancy_unless_the_evidence_is_against_it(
     apart = {name: choice_for(record, noise=name) for name in ("independent", "ar1")}
     assert all(c.bases[0] for c in apart.values())
     against = choice.ln_evidence["independent"] - choice.ln_evidence["ar1"]
-    assert choice.name == ("ar1" if against < REFUTED else "independent")
-    assert ("beside it a memory stays" in choice.reason) == (choice.name == "ar1" and against > -EARNED)
+    assert choice.name == ("ar1" if against < MEMORY_LN_EVIDENCE_LOSS else "independent")
+    assert ("beside it a memory stays" in choice.reason) == (
+        choice.name == "ar1" and against > -LEAST_LN_EVIDENCE_GAIN
+    )
     plain = choice_for(make_record(("force",), n=80, noise=0.004, seed=seed))
     assert not plain.bases[0]
     assert plain.name == "independent"
@@ -182,7 +184,7 @@ def test_a_memory_beside_a_discrepancy_is_dropped_where_the_evidence_is_against_
 ) -> None:
     record = with_a_second_step(make_record(("force",), n=80, noise=0.004))
     assert choice_for(record).name == "ar1"
-    monkeypatch.setattr(noise_choice, "REFUTED", -100.0)
+    monkeypatch.setattr(noise_choice, "MEMORY_LN_EVIDENCE_LOSS", -100.0)
     choice = choice_for(record)
     assert choice.name == "independent"
     assert choice.bases[0]
@@ -198,7 +200,7 @@ def in_bursts(record: Record, seed: int) -> Record:
     return with_even_time(replace(record, observed=observed))
 
 
-@pytest.mark.parametrize(("n", "expected"), [(90, SHORT), (900, 30.0)])
+@pytest.mark.parametrize(("n", "expected"), [(90, MAX_MEMORY_SAMPLES), (900, 30.0)])
 def test_noise_beside_a_discrepancy_remembers_what_it_has_samples_a_function(
     make_record: Callable[..., Record], n: int, expected: float
 ) -> None:
@@ -220,7 +222,7 @@ def test_a_memory_without_end_is_bounded_and_not_given_up(
     assert not NOISE_MODELS[choice.name].is_gaussian
     assert choice.ln_evidence["independent"] < -200.0
     bound = choice.longest_memory[0]["force"]
-    assert bound == SHORT
+    assert bound == MAX_MEMORY_SAMPLES
     posterior = build_posterior([record], NOISE_MODELS["independent"], DEFAULT)
     start = warm_start(posterior, np.random.default_rng(0))
     chosen = posterior_with(choice.name, posterior, start, DEFAULT, choice)

@@ -13,7 +13,7 @@ from scipy.special import logsumexp
 
 import sma_bayes.fitting.posterior as posterior_module
 from sma_bayes.errors import PriorError
-from sma_bayes.fitting.posterior import GREATEST, Posterior, build_posterior
+from sma_bayes.fitting.posterior import GREATEST_PARAMETER, Posterior, build_posterior
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import parse_priors, read_priors
 from sma_bayes.records.types import Branch, Condition, Record
@@ -228,7 +228,7 @@ def test_log_prob_is_prior_plus_likelihood_whatever_the_chunks(
     z = near_truth(p, 100)
     whole = p.log_prob(z)
     np.testing.assert_allclose(whole, p.log_prior(z) + p.log_likelihood(p.space.constrain(z)), rtol=1e-14)
-    monkeypatch.setattr(posterior_module, "CHUNK", 40 * 17)
+    monkeypatch.setattr(posterior_module, "CHUNK_SAMPLES", 40 * 17)
     np.testing.assert_allclose(p.log_prob(z), whole, rtol=1e-13)
     np.testing.assert_allclose([p.log_prob(row)[0] for row in z[:5]], whole[:5], rtol=1e-13)
 
@@ -256,7 +256,7 @@ def test_parameters_that_nothing_measured_comes_near_are_impossible(
     p = build(make_record(("force",), n=20))
     fast, faster = (np.array(p.space.prior_centre()) for _ in range(2))
     rate = p.names.index("B2")
-    fast[rate], faster[rate] = np.log(GREATEST) - 1.0, np.log(GREATEST) + 1.0
+    fast[rate], faster[rate] = np.log(GREATEST_PARAMETER) - 1.0, np.log(GREATEST_PARAMETER) + 1.0
     assert np.isfinite(p.log_prob(fast)[0])
     assert p.log_prob(faster)[0] == -np.inf
 

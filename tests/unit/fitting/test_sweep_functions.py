@@ -18,7 +18,7 @@ from sma_bayes.fitting.fit_records import fit_records
 from sma_bayes.fitting.noise_choice import choose_noise
 from sma_bayes.fitting.normal_equations import NormalEquations
 from sma_bayes.fitting.posterior import build_posterior
-from sma_bayes.fitting.sweep_functions import MOST_SWEEPS, SweepFunctions, sweeps_of
+from sma_bayes.fitting.sweep_functions import MAX_SWEEPS, SweepFunctions, sweeps_of
 from sma_bayes.fitting.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS, Steps
 from sma_bayes.parameters.priors_file import read_priors
@@ -223,7 +223,7 @@ def tangents(t: Floats) -> Floats:
     return np.stack([np.ones_like(t), share, share * (1.0 - share), share * (1.0 - share) * at], axis=1)
 
 
-@pytest.mark.parametrize(("sweeps", "functions"), [(1, 0), (2, 4), (MOST_SWEEPS, 4), (MOST_SWEEPS + 1, 0)])
+@pytest.mark.parametrize(("sweeps", "functions"), [(1, 0), (2, 4), (MAX_SWEEPS, 4), (MAX_SWEEPS + 1, 0)])
 def test_some_sweeps_have_something_of_their_own(sweeps: int, functions: int) -> None:
     """As many functions as the curve has parameters, of a mean square of one over the samples, all together."""
     inputs, nodes = measured(0, sweeps=sweeps).inputs, np.linspace(20.0, 80.0, 161)

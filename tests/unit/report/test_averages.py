@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sma_bayes.report.content import PAPER_CORRELATION, Content, Estimate
-from sma_bayes.report.figures.averages import NEAREST, Mark, correlation_axis
+from sma_bayes.report.figures.averages import LEAST_DISTANCE_FROM_ONE, Mark, correlation_axis
 from sma_bayes.report.figures.sheet import empty_sheet
 from sma_bayes.report.tables import average_table, cell_text, probability_text
 from sma_bayes.runs.schema import AverageR, Factor
@@ -36,7 +36,7 @@ def test_the_axis_shows_every_r_beside_the_papers(r: float) -> None:
 
 def test_a_perfect_r_is_drawn_at_the_end_and_an_undefined_one_not_at_all() -> None:
     (_, high), points = drawn(Estimate(1.0, 0.9999, 1.0), UNDEFINED)
-    assert points == pytest.approx([1.0 - NEAREST])
+    assert points == pytest.approx([1.0 - LEAST_DISTANCE_FROM_ONE])
     assert high <= 1.0
 
 

@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 from sma_bayes.report.content import Content
-from sma_bayes.report.explorer import MOST_POINTS, Trace, chart_data
+from sma_bayes.report.explorer import MAX_POINTS, Trace, chart_data
 from sma_bayes.report.figures.sheet import FigureFiles
 from sma_bayes.report.tables import report_tables
 from sma_bayes.studies.fit.page import _explored, render
@@ -64,13 +64,13 @@ def test_a_curve_that_two_figures_show_is_there_once() -> None:
     assert len(chart_data([TRACE, TRACE, replace(TRACE, branch="cooling")])) == 2
 
 
-@pytest.mark.parametrize(("n", "every"), [(MOST_POINTS, 1), (MOST_POINTS + 1, 2), (10 * MOST_POINTS, 10)])
+@pytest.mark.parametrize(("n", "every"), [(MAX_POINTS, 1), (MAX_POINTS + 1, 2), (10 * MAX_POINTS, 10)])
 def test_of_many_measurements_evenly_spaced_ones_are_drawn_and_counted(n: int, every: int) -> None:
     t = np.linspace(0.0, 1.0, n)
     (found,) = chart_data([replace(TRACE, measured=(t, t**2))])
     x, y = np.array(found["points"])
     assert found["every"] == every
-    assert x.size <= MOST_POINTS
+    assert x.size <= MAX_POINTS
     np.testing.assert_allclose(y, x**2, atol=2e-5)
 
 
@@ -78,7 +78,7 @@ def test_a_page_says_that_not_all_measurements_are_drawn(content: Content) -> No
     def page(trace: Trace) -> str:
         return render(content, report_tables(content), {}, chart_data([trace]))
 
-    t = np.linspace(20.0, 90.0, 5 * MOST_POINTS)
+    t = np.linspace(20.0, 90.0, 5 * MAX_POINTS)
     assert "Not all measurements are drawn" in page(replace(TRACE, measured=(t, t)))
     assert "Not all measurements are drawn" not in page(TRACE)
 

@@ -13,12 +13,12 @@ from sma_bayes.report.tables import Column, Table
 from sma_bayes.studies.gap.figures.missing import prior_density
 from sma_bayes.studies.gap.page import by_single_need, fold_texts, share_text, way_text
 from sma_bayes.studies.gap.schema import NamedChannel, StatedGap, StatedPeriodicity
-from sma_bayes.studies.gap.tables import ADVICE, NOT_THERE
+from sma_bayes.studies.gap.tables import ADVICE, UNMEASURABLE_NEEDS
 from sma_bayes.studies.gap.words import periodic_text
 
 
 def test_there_is_advice_for_every_need_that_a_recording_can_meet():
-    assert set(NEEDS) == set(ADVICE) | NOT_THERE
+    assert set(NEEDS) == set(ADVICE) | UNMEASURABLE_NEEDS
 
 
 def test_effects_that_lack_one_thing_are_listed_under_it():

@@ -13,7 +13,7 @@ from sma_bayes.report.choice import figures_for
 from sma_bayes.report.content import Content, RecordContent
 from sma_bayes.report.tables import report_tables
 from sma_bayes.studies.fit.answer import spread_tables
-from sma_bayes.studies.fit.page import SHOWN, render, render_index
+from sma_bayes.studies.fit.page import ENTRIES_SHOWN, render, render_index
 from sma_bayes.studies.report.build import build_report
 
 LINK = re.compile(r'(?:href|src)="([^"#:]+)"')
@@ -22,7 +22,7 @@ LINK = re.compile(r'(?:href|src)="([^"#:]+)"')
 @pytest.fixture
 def two_are_many(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let a run of two records count as one of many."""
-    monkeypatch.setattr(content_module, "MANY", 1)
+    monkeypatch.setattr(content_module, "CAMPAIGN_REPORT_ABOVE", 1)
 
 
 def many(content: Content, times: int) -> Content:
@@ -63,7 +63,7 @@ def test_the_page_of_a_campaign_does_not_grow_with_its_records(content: Content)
         long = many(content, times)
         assert long.paged
         page = render(long, report_tables(long), {})
-        assert f"{SHOWN} of {2 * times} rows" in page.replace("\u202f", "").replace("\u2009", "")
+        assert f"{ENTRIES_SHOWN} of {2 * times} rows" in page.replace("\u202f", "").replace("\u2009", "")
         sizes.append(len(page))
         assert render_index(long).count("<tr>") == 2 * times + 1
     assert sizes[1] < 1.02 * sizes[0]

@@ -15,7 +15,7 @@ import pytest
 from sma_bayes.account import Account
 from sma_bayes.report.content import Content, Estimate, Number
 from sma_bayes.report.tables import (
-    OF_ROW,
+    UNIT_OF_ROW,
     Cell,
     Column,
     Table,
@@ -85,7 +85,7 @@ def test_every_header_of_numbers_has_a_unit(content: Content, name: str) -> None
     for place, column in enumerate(table.columns):
         numeric = any(isinstance(row[place], Number | Estimate) for row in table.rows)
         assert bool(column.unit) >= numeric, f"{name}: {column.name}"
-        if column.unit == OF_ROW:
+        if column.unit == UNIT_OF_ROW:
             assert any(c.key == "unit" for c in table.columns)
         assert "degC" not in column.header
     assert all(len(row) == len(table.columns) for row in table.rows)
@@ -100,7 +100,7 @@ def test_an_estimate_becomes_three_columns() -> None:
 
 def test_an_empty_cell_does_not_turn_a_column_of_numbers_into_text(tmp_path: Path) -> None:
     rows = ((Number(1 / 3, "N"), True, "x"), (Number(None, "N"), "fixed", None))
-    table = Table("t", "T", "", (Column("v", "v", OF_ROW), Column("b", "b"), Column("w", "w")), rows)
+    table = Table("t", "T", "", (Column("v", "v", UNIT_OF_ROW), Column("b", "b"), Column("w", "w")), rows)
     write_tables({"t": table}, tmp_path)
     lines = (tmp_path / "t.csv").read_text(encoding="utf-8").split("\n")
     assert lines == ["v [unit],b,w", "0.333333333,true,x", ",fixed,", ""]
@@ -180,7 +180,7 @@ def test_a_column_with_one_unit_has_one_notation_and_its_power_in_the_head() -> 
 
 
 def test_rows_that_share_a_unit_have_one_notation() -> None:
-    columns = (Column("unit", "unit"), Column("R-hat", "rhat", "1"), Column("RMSE", "rmse", OF_ROW))
+    columns = (Column("unit", "unit"), Column("R-hat", "rhat", "1"), Column("RMSE", "rmse", UNIT_OF_ROW))
     small, large = Estimate(7.55e-5, 6.90e-5, 8.75e-5, "1"), Estimate(1.91e-4, 1.60e-4, 2.34e-4, "1")
     table = Table("t", "T", "", columns, (("1", small, small), ("1", large, large)))
     assert powers(table) == (None, -4, -4)
@@ -193,7 +193,7 @@ def test_rows_that_share_a_unit_have_one_notation() -> None:
 
 @pytest.mark.parametrize("other", [Number(2.508, "1", 0.001), Estimate(0.3, 0.2, 0.4, "N")])
 def test_numbers_of_another_unit_or_without_an_interval_keep_the_notation_of_all(other: Cell) -> None:
-    columns = (Column("unit", "unit"), Column("RMSE", "rmse", OF_ROW))
+    columns = (Column("unit", "unit"), Column("RMSE", "rmse", UNIT_OF_ROW))
     table = Table("t", "T", "", columns, (("1", Estimate(7.5e-5, 7e-5, 8e-5, "1")), ("?", other)))
     assert powers(table) == (None, None)
 

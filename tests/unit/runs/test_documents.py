@@ -14,7 +14,7 @@ from sma_bayes.runs.documents import (
     CONDITIONS,
     FIT,
     GAP,
-    MARK,
+    RUN_MARKER,
     STUDY,
     Document,
     files_beside,
@@ -51,7 +51,7 @@ def test_a_document_that_can_not_be_used_is_named(tmp_path: Path, text: str, tol
 
 def test_the_mark_tells_what_is_not_finished(tmp_path: Path) -> None:
     assert not GAP.is_in(tmp_path)
-    (tmp_path / MARK).write_text('{"kind": "gap"}', encoding="utf-8")
+    (tmp_path / RUN_MARKER).write_text('{"kind": "gap"}', encoding="utf-8")
     assert [d.verb for d in DOCUMENTS if d.is_in(tmp_path)] == ["gap"]
     with pytest.raises(OutputError, match="holds a gap study that is not finished"):
         GAP.read(tmp_path)
@@ -72,7 +72,7 @@ def test_numbers_are_the_same_whatever_a_run_took() -> None:
 @pytest.mark.parametrize("text", [None, "{ broken", "[]"])
 def test_a_mark_that_says_nothing(tmp_path: Path, text: str | None) -> None:
     if text is not None:
-        (tmp_path / MARK).write_text(text, encoding="utf-8")
+        (tmp_path / RUN_MARKER).write_text(text, encoding="utf-8")
     assert read_mark(tmp_path) is None
     assert not any(d.is_in(tmp_path) for d in DOCUMENTS)
 

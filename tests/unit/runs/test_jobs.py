@@ -15,7 +15,7 @@ from threadpoolctl import threadpool_info
 from sma_bayes.account import Account
 from sma_bayes.errors import PriorError, WorkerError
 from sma_bayes.runs import jobs as jobs_module
-from sma_bayes.runs.jobs import TRIES, processes, run
+from sma_bayes.runs.jobs import MAX_ATTEMPTS, processes, run
 from sma_bayes.runs.workers import stop_workers
 
 
@@ -66,7 +66,7 @@ def test_a_task_that_always_kills_its_process_is_given_up() -> None:
     with pytest.raises(WorkerError, match=r"came to an end .*SIGKILL.*4 times in a row") as caught:
         list(run(die, range(5), 2, account=account))
     assert "--resume" in str(caught.value)
-    assert len(account.lost) >= TRIES  # more where tasks before it had been under way
+    assert len(account.lost) >= MAX_ATTEMPTS  # more where tasks before it had been under way
 
 
 def test_what_a_killed_process_was_doing_is_done_again(tmp_path: Path) -> None:
@@ -104,7 +104,7 @@ def test_light_tasks_start_no_process() -> None:
 
 @pytest.mark.skipif((os.cpu_count() or 1) < 2, reason="a machine with one core")
 def test_light_tasks_that_add_up_are_shared_out(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(jobs_module, "WORTH_S", 0.0)
+    monkeypatch.setattr(jobs_module, "LEAST_SAVING_S", 0.0)
     first, second, *others = run(own_process, range(6), None, light=True)
     assert {first, second} == {os.getpid()}
     assert os.getpid() not in others

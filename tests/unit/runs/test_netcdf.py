@@ -10,7 +10,7 @@ import pytest
 import xarray as xr
 
 from sma_bayes.checksum import KEY, has_its_checksum
-from sma_bayes.runs.netcdf import LONGEST, Variable, VariableGroup, axes, write_groups
+from sma_bayes.runs.netcdf import CHUNK_LENGTH, Variable, VariableGroup, axes, write_groups
 
 
 @pytest.fixture
@@ -78,7 +78,7 @@ def test_the_checksum_is_that_of_what_can_be_read(tree: xr.DataTree, tmp_path: P
 
 
 def test_packed_curves_of_many_points_are_read_as_they_were(tmp_path: Path) -> None:
-    points = 3 * LONGEST + 7
+    points = 3 * CHUNK_LENGTH + 7
     values = np.random.default_rng(0).random((2, 4, points)).astype(np.float32)
     coords = axes(chain=range(2), draw=range(4), obs=range(points))
     curves = VariableGroup({"force": Variable(("chain", "draw", "obs"), values)}, coords)
@@ -86,4 +86,4 @@ def test_packed_curves_of_many_points_are_read_as_they_were(tmp_path: Path) -> N
     assert has_its_checksum(tmp_path / "long.nc")
     with h5py.File(tmp_path / "long.nc") as file:
         np.testing.assert_array_equal(file["curves/force"][()], values)
-        assert file["curves/force"].chunks == (2, 4, LONGEST)
+        assert file["curves/force"].chunks == (2, 4, CHUNK_LENGTH)

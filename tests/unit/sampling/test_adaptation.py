@@ -9,9 +9,9 @@ import numpy as np
 import pytest
 
 from sma_bayes.sampling.adaptation import (
-    DRAWS,
-    GREATEST_SHARE,
-    USABLE,
+    GREATEST_WEIGHT,
+    ROUND_DRAWS,
+    USABLE_EFFICIENCY,
     Adapted,
     _Rounds,
     adapt,
@@ -111,7 +111,7 @@ def test_a_proposal_carries_a_run_only_if_no_weight_is_too_great(
 ) -> None:
     w = Weights(log_weight)
     assert Adapted(None, weighed(w), 0).carries is carries
-    assert carries == (w.efficiency >= USABLE and w.greatest <= GREATEST_SHARE)
+    assert carries == (w.efficiency >= USABLE_EFFICIENCY and w.greatest <= GREATEST_WEIGHT)
 
 
 def test_points_are_chosen_by_weight_each_group_from_a_share_of_its_own() -> None:
@@ -171,7 +171,7 @@ def test_every_mode_gets_a_proposal_with_its_share() -> None:
     assert adapted.weights.efficiency > 0.9
     value, error = adapted.weights.log_evidence()
     assert abs(value) < 5.0 * error + 1e-3
-    assert adapted.evaluations >= 4 * DRAWS
+    assert adapted.evaluations >= 4 * ROUND_DRAWS
 
 
 def test_a_bent_density_is_told_by_its_weights() -> None:
@@ -205,7 +205,7 @@ def test_a_proposal_that_misses_a_lump_of_the_draws_does_not_carry() -> None:
     z = np.where(rng.random((8000, 1)) < 0.9, -5.0, 5.0) + rng.standard_normal((8000, 2))
     fitted = adapt_to_draws(density, z, [mode_at(density, [-4.0, -4.5])], rng)
     assert fitted.carries
-    assert 1.0 < fitted.greatest_seen <= GREATEST_SHARE
+    assert 1.0 < fitted.greatest_seen <= GREATEST_WEIGHT
     assert not replace(fitted, greatest_seen=100.0).carries
 
 

@@ -177,7 +177,7 @@ def test_a_second_proposal_that_misses_what_walkers_met_is_not_run(monkeypatch: 
         return fitted[-1] if len(fitted) == 1 else replace(fitted[-1], greatest_seen=1e5)
 
     monkeypatch.setattr(ensembles, "adapt", blind)
-    monkeypatch.setattr(audit, "HIGHEST_K", -np.inf)  # no audit is passed
+    monkeypatch.setattr(audit, "MAX_PARETO_K", -np.inf)  # no audit is passed
     draws = run(gaussian(), plan=QUICK)
     assert len(fitted) == 2
     assert draws.method == "independence and differential evolution"
@@ -435,7 +435,7 @@ def test_the_first_block_is_as_long_as_target_and_proposal_ask() -> None:
     assert steps[0] == Plan().block
     assert steps == sorted(steps)
     assert 256 * 0.5 * (steps[2] - 1) < ensembles.DRAWS_PER_EFFECTIVE * 1000.0 <= 256 * 0.5 * steps[2]
-    most = ensembles.MOST_BLOCKS * Plan().block
+    most = ensembles.MAX_BLOCKS * Plan().block
     assert ensembles._steps_hoped(0.94, 256, Plan(target=Target(1.01, 1e9))) == most
     assert Plan().target.draws > 3000.0  # so many tell the outer quantiles, not 1,000
 

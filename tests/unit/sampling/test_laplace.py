@@ -16,7 +16,7 @@ from sma_bayes.fitting.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.types import Record
-from sma_bayes.sampling.laplace import LEFT, LOWER, Mode, distinct_modes, find_mode
+from sma_bayes.sampling.laplace import CLIMB_TOLERANCE, NEGLIGIBLE_LOG_MASS, Mode, distinct_modes, find_mode
 
 
 @dataclass
@@ -142,7 +142,7 @@ def test_a_good_start_takes_one_step_where_the_response_is_nearly_linear(
         return -float(posterior.log_prob((mode.z + root @ u)[None])[0])
 
     best = minimize(deviance, np.zeros(d), method="BFGS", options={"gtol": 1e-4})
-    assert mode.log_prob > -best.fun - LEFT
+    assert mode.log_prob > -best.fun - CLIMB_TOLERANCE
 
 
 def test_the_information_is_the_hessian_where_residuals_are_small(make_record: Callable[..., Record]) -> None:
@@ -183,7 +183,7 @@ def test_modes_are_kept_once_best_first_unless_without_mass() -> None:
         return Mode(np.array([x, 0.0]), log_prob, sd**2 * np.eye(2), 1)
 
     narrow, wide = at(0.0, 0.0), at(9.0, -1.0, 2.0)
-    again, faint = at(0.1, -0.1), at(-9.0, -LOWER - 1.0)
+    again, faint = at(0.1, -0.1), at(-9.0, -NEGLIGIBLE_LOG_MASS - 1.0)
     assert distinct_modes([again, faint, narrow, wide]) == (wide, narrow)
     assert distinct_modes([faint]) == (faint,)
     assert distinct_modes([]) == ()

@@ -19,7 +19,7 @@ from sma_bayes.report.figures.sheet import (
     COLOURS,
     FAINT,
     INK,
-    MANY,
+    RASTER_ABOVE_POINTS,
     WARNING,
     Drawing,
     as_columns,
@@ -50,15 +50,15 @@ from sma_bayes.studies.conditions.tables import named, setting_name, setting_tex
 BOTH: Final = "#555555"
 BY_HAND: Final = {CURVES: ("#20643c", "--"), PARAMETERS: ("#6a3d9a", ":")}
 """Colour and dashes of interpolation by hand."""
-SHOWN: Final = (
+FEATURES_SHOWN: Final = (
     "least_stiffness", "greatest_stiffness", "stiffness_ratio", "steepest_stiffness", "greatest_slope",
     "midpoint", "As", "Af", "Ms", "Mf", "Rs", "Rf", "hysteresis_width", "peak_temperature",
 )  # fmt: skip
 """Features whose effects are drawn, in this order."""
 PRIOR_LED: Final = " The scatter between conditions, and with it the width, is dominated by its prior."
-NARROW: Final = 5.0
+LINEAR_TICKS_RATIO: Final = 5.0
 """Ratio of the ends of a logarithmic axis up to which its ticks are as on a linear one."""
-FAR: Final = 3.0
+MAX_RANGES_BEYOND: Final = 3.0
 """How far beyond the measured values a band is drawn [their range]; what is wider is cut off."""
 
 
@@ -187,9 +187,9 @@ def effects_figure(stored: StoredConditions, number: int, setting: str) -> Drawi
     shown = [
         e for e in stored.found.effects
         if e.conditions == group.conditions and e.setting == setting and e.tested is not None
-        and e.feature in SHOWN
+        and e.feature in FEATURES_SHOWN
     ]  # fmt: skip
-    shown.sort(key=lambda e: (SHOWN.index(e.feature), e.branch, e.channel))
+    shown.sort(key=lambda e: (FEATURES_SHOWN.index(e.feature), e.branch, e.channel))
     parts = [[e for e in shown if e.kind == kind] for kind in ("factor", "difference")]
     parts = [p for p in parts if p]
     specimen = stored.found.specimen
@@ -281,7 +281,15 @@ def held_out_figure(stored: StoredConditions, condition: str) -> Drawing:
             ax.plot(t, columns[f"{name.replace(' ', '_')}_q50"], color=colour, ls=dashes, lw=1.1)
         if samples:
             y = samples["measured"]
-            ax.plot(_temperature(samples), y, ".", ms=1.8, color=INK, alpha=0.5, rasterized=y.size > MANY)
+            ax.plot(
+                _temperature(samples),
+                y,
+                ".",
+                ms=1.8,
+                color=INK,
+                alpha=0.5,
+                rasterized=y.size > RASTER_ABOVE_POINTS,
+            )
         else:
             ax.plot(t, columns["own_median"], color=INK, lw=0.9)
         lowest = h.channel == channels[-1]
@@ -388,7 +396,7 @@ def _finish(
         _logarithmic(ax, ax.yaxis)
     else:
         bottom, top = ax.get_ylim()
-        reach = FAR * (high - low) / 4.0
+        reach = MAX_RANGES_BEYOND * (high - low) / 4.0
         ax.set_ylim(max(bottom, low - reach), min(top, high + reach))
     power = take_power(ax.yaxis)
     ax.set_ylabel(f"{of.quantity} [{in_units_of(power, of.unit)}]")
@@ -399,12 +407,12 @@ def _finish(
 def _logarithmic(ax: Axes, axis: Axis) -> None:
     """Logarithmic axis with plain numbers; over more than two decades only powers of ten have one.
 
-    Over less than a factor of `NARROW` round numbers have one, as on a linear axis.
+    Over less than a factor of `LINEAR_TICKS_RATIO` round numbers have one, as on a linear axis.
     """
     (ax.set_xscale if axis is ax.xaxis else ax.set_yscale)("log")
     low, high = axis.get_view_interval()
     few = high / low > 100.0
-    if high / low < NARROW:
+    if high / low < LINEAR_TICKS_RATIO:
         axis.set_major_locator(few_ticks(5))
         axis.set_minor_locator(NullLocator())
     else:

@@ -37,7 +37,7 @@ from sma_bayes.report.figures.sheet import (
 )
 from sma_bayes.sampling.convergence import Target
 
-FAR: Final = 20.0
+LOGARITHMIC_ESS_RATIO: Final = 20.0
 """Greatest effective sample size over the target from which its axis is logarithmic."""
 
 
@@ -192,7 +192,7 @@ def diagnostics_figure(content: Content) -> Drawing:
     known = [v for _, _, _, v, *_ in rows if v is not None]
     rhat.set_xlim(0.999, max([target.rhat, *known]) + 0.1 * (max([target.rhat, *known]) - 0.999))
     enough = [v for v, _, _ in spots["ess"]]
-    if max(enough, default=0.0) > FAR * target.ess:
+    if max(enough, default=0.0) > LOGARITHMIC_ESS_RATIO * target.ess:
         ess.set_xscale("log")
         take_power(ess.xaxis)
     else:

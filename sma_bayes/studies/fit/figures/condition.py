@@ -21,7 +21,7 @@ from sma_bayes.report.figures.sheet import (
     COLOURS,
     FAINT,
     INK,
-    MANY,
+    RASTER_ABOVE_POINTS,
     WARNING,
     BranchData,
     Drawing,
@@ -40,13 +40,13 @@ from sma_bayes.report.figures.sheet import (
     unconverged_note,
 )
 
-STEEP: Final = 300.0
+LOGARITHMIC_RATIO: Final = 300.0
 """Ratio of greatest to least value from which a positive curve is drawn on a logarithmic axis, and said so."""
-DECADES: Final = 1e9
+MAX_LOGARITHMIC_RATIO: Final = 1e9
 """Ratio of greatest to least value that a logarithmic axis shows at most."""
-MARKED: Final = 0.09
+LABEL_MARGIN: Final = 0.09
 """Share of the axis that is added beyond the curves where names of temperatures stand."""
-CROWDED: Final = 0.12
+LEAST_LABEL_DISTANCE: Final = 0.12
 """Share of the axis below which the names of two temperatures stand apart from each other."""
 
 
@@ -231,10 +231,10 @@ def _transformation(ax: Axes, branch: BranchData, channel: str) -> None:
     ]
     if shown and ax.get_yscale() == "linear":  # room for the names, which would stand on the plateau
         bottom, top = ax.get_ylim()
-        room = MARKED * (top - bottom)
+        room = LABEL_MARGIN * (top - bottom)
         ax.set_ylim(*((bottom - room, top) if branch.content.branch == "heating" else (bottom, top + room)))
     medians = [t.median for _, t in shown if t.median is not None]
-    crowded = len(medians) > 1 and max(medians) - min(medians) < CROWDED * (high - low)
+    crowded = len(medians) > 1 and max(medians) - min(medians) < LEAST_LABEL_DISTANCE * (high - low)
     for stage, t in shown:
         if t.median is None or t.q05 is None or t.q95 is None:
             continue
@@ -270,7 +270,7 @@ def _about_median(ax: Axes, branch: BranchData, channel: str) -> None:
         e = stored.observed[channel] - branch.curve[channel]
         ax.scatter(
             stored.inputs["temperature"], e, s=3, color=colour, alpha=0.4, linewidths=0, zorder=2,
-            rasterized=e.size > MANY,
+            rasterized=e.size > RASTER_ABOVE_POINTS,
         )  # fmt: skip
         reach.append(float(np.quantile(np.abs(e), 0.98)))
     if np.all(np.isfinite(q["pred_q05"])):
@@ -298,7 +298,7 @@ def _points(ax: Axes, branch: BranchData, channel: str, size: float) -> None:
         linewidths=0,
         alpha=0.8,
         zorder=2,
-        rasterized=number.size > MANY,
+        rasterized=number.size > RASTER_ABOVE_POINTS,
     )
 
 
@@ -325,10 +325,10 @@ def limits(ax: Axes, channel: str, branches: Sequence[BranchData], shown: Sequen
     low, high = float(middle.min()), float(middle.max())
     curves = np.concatenate([q["q50"] for q in bands])
     curves = curves[np.isfinite(curves)]
-    if wide.min() > 0 and low > 0 and curves.max() / curves.min() > STEEP:
-        top = min(float(wide.max()), low * DECADES)
+    if wide.min() > 0 and low > 0 and curves.max() / curves.min() > LOGARITHMIC_RATIO:
+        top = min(float(wide.max()), low * MAX_LOGARITHMIC_RATIO)
         ax.set_yscale("log")
-        ax.set_ylim(0.7 * max(float(wide.min()), low / DECADES), 1.4 * top)
+        ax.set_ylim(0.7 * max(float(wide.min()), low / MAX_LOGARITHMIC_RATIO), 1.4 * top)
         return "logarithmic axis" + ("; the band goes beyond it" if wide.max() > top else "")
     span = (high - low) or max(abs(high), 1e-12)
     lowest, highest = low - span, high + span

@@ -19,8 +19,8 @@ from sma_bayes.report.figures.sheet import (
     COLOURS,
     FAINT,
     INK,
-    MANY,
     PRIOR,
+    RASTER_ABOVE_POINTS,
     Drawing,
     as_columns,
     axis_label,
@@ -123,7 +123,7 @@ def _draw_curves(
     ax.fill_between(t, whole[0], whole[4], color=colour, alpha=0.3, lw=0, zorder=2)
     ax.scatter(
         found["measured_at"], y, s=5 if y.size < 200 else 2.5, color=INK, alpha=0.7, linewidths=0, zorder=5,
-        rasterized=y.size > MANY,
+        rasterized=y.size > RASTER_ABOVE_POINTS,
     )  # fmt: skip
     ax.plot(t, whole[2], color=colour, lw=1.2, zorder=3)
     ax.plot(t, found["model"], color=PRIOR, lw=1.0, ls="--", zorder=4)

@@ -20,7 +20,7 @@ from sma_bayes.studies.fit.figures.condition import (
     loop_legend,
 )
 
-PANEL = 0.62
+PANEL_ASPECT = 0.62
 """Height of a panel over the width of the figure [1]."""
 LEAST, WIDEST = 30.0, 1000.0
 """Width of a figure that is drawn [mm]."""
@@ -37,7 +37,7 @@ def publication_figure(condition: str, branches: Sequence[BranchData], width: fl
         [inch]
     """
     channels = channels_of(branches)
-    figure = empty_sheet(width, width * (PANEL * len(channels) + 0.2))
+    figure = empty_sheet(width, width * (PANEL_ASPECT * len(channels) + 0.2))
     figure.set_layout_engine("constrained")
     axes = figure.subplots(len(channels), 1, sharex=True, squeeze=False)[:, 0]
     for ax, channel in zip(axes, channels, strict=True):

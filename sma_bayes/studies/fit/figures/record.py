@@ -17,8 +17,8 @@ from sma_bayes.report.figures.sheet import (
     COLOURS,
     FAINT,
     INK,
-    MANY,
     PRIOR,
+    RASTER_ABOVE_POINTS,
     BranchData,
     Drawing,
     as_columns,
@@ -37,7 +37,7 @@ from sma_bayes.report.figures.sheet import (
 ENSEMBLES: Final = ("#1f6fb2", "#c8501e", "#2a8a57", "#8a6d1f", "#6a3d9a", "#555555")
 
 
-FAR: Final = 1e300
+INFINITE: Final = 1e300
 """Stands for infinity in prior curves, whose far tails overflow."""
 
 
@@ -128,7 +128,7 @@ def predictive_figure(branch: BranchData) -> Drawing:
     rows: list[tuple[Any, ...]] = []
     for (before, after), channel in zip(axes, channels, strict=True):
         grid = stored.prior_temperature
-        finite = np.clip(stored.prior_curves[channel.channel], -FAR, FAR)
+        finite = np.clip(stored.prior_curves[channel.channel], -INFINITE, INFINITE)
         prior = np.quantile(finite, (0.05, 0.25, 0.5, 0.75, 0.95), axis=0)
         band = branch.bands[channel.channel]
         q = band.quantiles
@@ -143,7 +143,7 @@ def predictive_figure(branch: BranchData) -> Drawing:
         for ax in (before, after):
             ax.scatter(
                 stored.inputs["temperature"], y, s=5, color=INK, alpha=0.6, linewidths=0, zorder=3,
-                rasterized=y.size > MANY,
+                rasterized=y.size > RASTER_ABOVE_POINTS,
             )  # fmt: skip
         _prior_limits(before, y, prior)
         before.set_ylabel(axis_label(channel, take_power(before.yaxis)))
@@ -216,7 +216,7 @@ def residual_figure(branch: BranchData, residuals: Mapping[str, Floats]) -> Draw
             ax.axhline(0, color=FAINT, lw=0.6, zorder=1)
             ax.scatter(
                 x, e, s=6 if e.size < 200 else 3, color=COLOURS[content.branch], alpha=0.75, linewidths=0,
-                rasterized=e.size > MANY,
+                rasterized=e.size > RASTER_ABOVE_POINTS,
             )  # fmt: skip
             ax.set_ylim(-limit, limit)
             if channel is not channels[-1]:

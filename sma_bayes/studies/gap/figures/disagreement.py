@@ -16,7 +16,7 @@ from sma_bayes.arrays import Floats
 from sma_bayes.report.figures.sheet import (
     COLOURS,
     INK,
-    MANY,
+    RASTER_ABOVE_POINTS,
     Drawing,
     abridged,
     as_columns,
@@ -41,21 +41,21 @@ BINS: Final = 24
 LEAST_RANGE, GREATEST_RANGE = 3.0, 10.0
 """Ends of the colours of a map, at least and at most [standard errors]."""
 COLUMNS: Final = 3
-COUNTS: Final = frozenset({"order", "cycle"})
+COUNTED_COVARIATES: Final = frozenset({"order", "cycle"})
 """Covariates that are counted, which have no unit."""
-AWAY: Final = (11.0, 23.0, 35.0, 47.0)
+LABEL_DISTANCES: Final = (11.0, 23.0, 35.0, 47.0)
 """Distances of the number of a stretch from its samples that are tried, the first that suits is taken [points]."""
-ALONG: Final = (0.5, 0.35, 0.65, 0.2, 0.8)
+LABEL_PLACES: Final = (0.5, 0.35, 0.65, 0.2, 0.8)
 """Places along the stretch that are tried [share of its samples]."""
-LETTER: Final = 0.092
+LETTER_WIDTH: Final = 0.092
 """Width of a letter of a title [inch]."""
-RIM: Final = 0.22
+LABEL_MARGIN: Final = 0.22
 """Room above and below the residuals of a loop, for the numbers of its stretches [share of their range]."""
-APART: Final = 14.0
+LEAST_LABEL_DISTANCE: Final = 14.0
 """Distance of the centres of two numbers from which on they do not touch [points]."""
-STEP: Final = 3.0
+CURVE_POINT_DISTANCE: Final = 3.0
 """Distance of the places along a curve that no number covers [points]."""
-RADIUS: Final = 8.0
+LABEL_RADIUS: Final = 8.0
 """Distance of a number's centre from a point from which on it does not cover that [points]."""
 
 
@@ -219,7 +219,7 @@ def disagreement_loops(study: StoredStudy) -> Drawing:
     for (upper, lower), (condition, channel) in zip(pairs, places, strict=False):
         _loop(upper, study, condition, channel)
         _strip(lower, study, condition, channel)
-        upper.set_title(_loop_title(study, places, condition, channel, int(wide / LETTER)))
+        upper.set_title(_loop_title(study, places, condition, channel, int(wide / LETTER_WIDTH)))
         upper.set_xlabel(f"temperature T [{unit_label(study.part.units['temperature'])}]", labelpad=1.0)
     for pair in pairs[len(places) :]:
         for ax in pair:
@@ -284,7 +284,7 @@ def _loop(ax: Axes, study: StoredStudy, condition: str, channel: str) -> None:
     for branch, colour in COLOURS.items():
         part = some.of(branch=branch)
         ax.scatter(part["temperature"], part["measured"], s=4, color=colour, alpha=0.8, linewidths=0, zorder=2,
-                   rasterized=part.n > MANY)  # fmt: skip
+                   rasterized=part.n > RASTER_ABOVE_POINTS)  # fmt: skip
         for segment in np.unique(part["segment"])[[0, -1]] if part.n else []:
             sweep = part.where(part["segment"] == segment)
             order = np.argsort(sweep["temperature"], kind="stable")
@@ -326,14 +326,18 @@ def _strip(ax: Axes, study: StoredStudy, condition: str, channel: str) -> None:
         left = (some["measured"] - some["before"])[mine]
         ax.scatter(x[mine], left, s=3, color=colour, alpha=0.7, linewidths=0, rasterized=True)
     ax.axhline(0.0, color=INK, lw=0.5)
-    ax.margins(y=RIM)
+    ax.margins(y=LABEL_MARGIN)
     facts = study.part.channels[channel]
     power = take_power(ax.yaxis)
     ax.set_ylabel(f"residual [{in_units_of(power, facts.unit)}]", fontsize=6.5)
     if covariate == "cycle":
         ax.xaxis.set_major_locator(MaxNLocator(5, integer=True))
     ax.yaxis.set_major_locator(few_ticks(3))
-    unit = "" if covariate in COUNTS else f" [{unit_label(study.part.units.get(covariate, '1')) or '1'}]"
+    unit = (
+        ""
+        if covariate in COUNTED_COVARIATES
+        else f" [{unit_label(study.part.units.get(covariate, '1')) or '1'}]"
+    )
     ax.set_xlabel(f"{covariate_text(study.part.channels, covariate)}{unit}", labelpad=1.0)
 
 
@@ -368,15 +372,20 @@ def _number(ax: Axes, marked: Sequence[tuple[str, StatedDisagreement, Samples]],
         places = [
             (int(order[int(share * (inside.n - 1))]), way * away)
             for way in (side, -side)
-            for away in AWAY
-            for share in ALONG
+            for away in LABEL_DISTANCES
+            for share in LABEL_PLACES
         ]
         at = np.column_stack([inside["temperature"], inside["measured"]])
         there = ax.transData.transform(at) / pixels
         centres = [there[sample] + [0.0, away] for sample, away in places]
         best = int(
             np.argmax(
-                [_clear(c, taken, APART) + _clear(c, drawn, RADIUS) + _within(c, frame) for c in centres]
+                [
+                    _clear(c, taken, LEAST_LABEL_DISTANCE)
+                    + _clear(c, drawn, LABEL_RADIUS)
+                    + _within(c, frame)
+                    for c in centres
+                ]
             )
         )
         taken.append(centres[best])
@@ -392,7 +401,7 @@ def _number(ax: Axes, marked: Sequence[tuple[str, StatedDisagreement, Samples]],
 def _walked(line: Floats) -> Floats:
     """Points (m, 2) all along a line (n, 2), near enough to each other that no number fits in between [points]."""
     path = np.concatenate([[0.0], np.cumsum(np.hypot(*np.diff(line, axis=0).T))])
-    steps = np.arange(0.0, path[-1] + STEP, STEP)
+    steps = np.arange(0.0, path[-1] + CURVE_POINT_DISTANCE, CURVE_POINT_DISTANCE)
     return np.column_stack([np.interp(steps, path, part) for part in line.T])
 
 
@@ -403,7 +412,7 @@ def _clear(place: Floats, others: Sequence[Floats] | Floats, enough: float) -> f
 
 def _within(place: Floats, frame: Floats) -> float:
     """Distance to the nearest edge of a panel, as a share of the radius of a number; at most 1, negative outside."""
-    return float(min(RADIUS, *(place - frame[0]), *(frame[1] - place)) / RADIUS)
+    return float(min(LABEL_RADIUS, *(place - frame[0]), *(frame[1] - place)) / LABEL_RADIUS)
 
 
 def _loop_data(study: StoredStudy, places: Sequence[tuple[str, str]]) -> dict[str, Any]:

@@ -45,14 +45,14 @@ from sma_bayes.studies.gap.words import channel_text, covariate_text, p_text
 ADDED, GUARD = "#20643c", "#a40000"
 MOST_CURVES: Final = 6
 """Conditions whose curves are drawn."""
-SHOWN: Final = 5
+CANDIDATES_SHOWN: Final = 5
 """Candidates of a round that are drawn."""
 TICKS: Final = (0.0, 3.0, 10.0, 30.0, 100.0, 300.0, 1e3, 3e3, 1e4, 1e5, 1e6)
-TALL: Final = 2.5
+EFFECT_HEIGHT: Final = 2.5
 """Height of the figure of an effect above its lower labels [inch]."""
-BESIDE: Final = 27.0
+VALUE_WIDTH: Final = 27.0
 """Room for the values of the bars at the right of their panel, where no mark is [points]."""
-LETTER, LINE = 0.092, 0.155
+LETTER_WIDTH, LINE_HEIGHT = 0.092, 0.155
 """Width of a letter and height of a line of a title [inch]."""
 DODGE: Final = 0.07
 """How far the dots of neighbouring conditions stand apart [cycles]."""
@@ -126,7 +126,7 @@ def _bars(round_: StatedRound, found: GapOfModel) -> list[Bar]:
 
     out: list[Bar] = [
         (c.id, c.ln_bayes_factor, c.guard, "added" if c.id == round_.added else "candidate")
-        for c in round_.candidates[:SHOWN]
+        for c in round_.candidates[:CANDIDATES_SHOWN]
         if c.ln_bayes_factor is not None
     ]
     out += [(named(f), f.ln_bayes_factor, None, "flexible") for f in round_.flexible[:1]]
@@ -154,7 +154,7 @@ def _round(ax: Axes, bars: Sequence[Bar], worth: float) -> None:
             )
         text = f"{value:.1f}" if abs(value) < 100.0 else f"{value:.0f}"
         ax.annotate(
-            text, (1.0, place), xycoords=ax.get_yaxis_transform(), xytext=(BESIDE, 0), textcoords="offset points",
+            text, (1.0, place), xycoords=ax.get_yaxis_transform(), xytext=(VALUE_WIDTH, 0), textcoords="offset points",
             ha="right", va="center", fontsize=6.2,
         )  # fmt: skip
     ax.axvline(worth, color=INK, lw=0.8, ls="--", zorder=0.5)
@@ -194,8 +194,8 @@ def effect_figure(study: StoredStudy, effect: AddedEffect) -> Drawing:
     across = int(np.clip((width - 0.2) / (0.55 + 0.062 * longest), 2, 6))
     bottom = 0.52 + 0.17 * math.ceil(len(handles) / across)
     title = _headed(effect.title, width)
-    more = LINE * (len(title) - 1)
-    tall = TALL + bottom + more
+    more = LINE_HEIGHT * (len(title) - 1)
+    tall = EFFECT_HEIGHT + bottom + more
     figure = empty_sheet(width, tall)
     axes = panels(figure, 1, len(channels), left=0.7, bottom=bottom, top=0.68 + more, gap_x=0.75)[0]
     rows: list[tuple[Any, ...]] = []
@@ -238,7 +238,7 @@ def effect_figure(study: StoredStudy, effect: AddedEffect) -> Drawing:
 
 def _headed(title: str, width: float) -> list[str]:
     """Lines of a heading in a figure so wide [inch]."""
-    return textwrap.wrap(title[:1].upper() + title[1:], int((width - 0.2) / LETTER))
+    return textwrap.wrap(title[:1].upper() + title[1:], int((width - 0.2) / LETTER_WIDTH))
 
 
 def _changed(samples: Samples, name: str) -> list[str]:

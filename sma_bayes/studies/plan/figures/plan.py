@@ -27,11 +27,11 @@ from sma_bayes.report.figures.sheet import (
 from sma_bayes.studies.plan.schema import ExpectedQuantity, PlanDocument, PlannedCandidate, StoredPlan
 from sma_bayes.studies.plan.words import asked_words, has_even, hours_text, quantity_name, range_text
 
-COLOURS: Final = 8
+COLOURED_CONDITIONS: Final = 8
 """Conditions that have colours of their own."""
-ROWS: Final = 24
+MAX_QUANTITIES: Final = 24
 """Quantities that are drawn, those that shrink most."""
-BESIDE: Final = (-0.25, 0.0, 0.25)
+OUTCOME_OFFSETS: Final = (-0.25, 0.0, 0.25)
 """Where in the row of a quantity each outcome is, so that equal ones do not hide each other."""
 
 
@@ -42,9 +42,9 @@ def candidates_figure(stored: StoredPlan) -> Drawing:
     figure = empty_sheet(6.8, 3.9)
     ax: Axes = panels(figure, 1, 1, left=0.75, bottom=0.5, top=0.42)[0, 0]
     conditions = list(dict.fromkeys(c.condition for c in found.candidates))
-    palette = [to_hex(colour) for colour in ordered_colours(COLOURS)]
-    step = max((COLOURS - 1) // max(min(len(conditions), COLOURS) - 1, 1), 1)
-    colour = {c: palette[i * step % COLOURS] for i, c in enumerate(conditions)}
+    palette = [to_hex(colour) for colour in ordered_colours(COLOURED_CONDITIONS)]
+    step = max((COLOURED_CONDITIONS - 1) // max(min(len(conditions), COLOURED_CONDITIONS) - 1, 1), 1)
+    colour = {c: palette[i * step % COLOURED_CONDITIONS] for i, c in enumerate(conditions)}
     for c in found.candidates:
         value = _value(c, apart)
         if value is not None:
@@ -66,7 +66,7 @@ def candidates_figure(stored: StoredPlan) -> Drawing:
         ax.set(ylim=(0.0, None), ylabel="expected information [nats]")
     take_power(ax.xaxis)
     ax.set_xlabel("time on the rig [h]")
-    handles = [dot_handle(colour[c], c) for c in conditions[:COLOURS]]
+    handles = [dot_handle(colour[c], c) for c in conditions[:COLOURED_CONDITIONS]]
     handles.append(
         Line2D([], [], marker="o", ls="", ms=8, mfc="none", mec=WARNING, label="first in the ranking")
     )
@@ -120,7 +120,9 @@ def narrowing_figure(stored: StoredPlan) -> Drawing:
         {(e.key, e.name): e.sd / size[e.key, e.name] if size[e.key, e.name] > 0.0 else 1.0 for e in expected}
         for _, expected in parts
     ]
-    known = sorted(found.quantities, key=lambda k: min(one.get((k.key, k.name), 1.0) for one in left))[:ROWS]
+    known = sorted(found.quantities, key=lambda k: min(one.get((k.key, k.name), 1.0) for one in left))[
+        :MAX_QUANTITIES
+    ]
     several = len({k.key for k in known}) > 1
     names = [k.key if several and found.kind == "quantity" else quantity_name(k, found) for k in known]
     figure = empty_sheet(6.8, 1.35 + 0.24 * len(names))
@@ -129,7 +131,7 @@ def narrowing_figure(stored: StoredPlan) -> Drawing:
     ax.axvline(1.0, color=INK, lw=0.6)
     colours = (WARNING, INK, FAINT)
     for place, k in enumerate(known):
-        for one, colour, beside in zip(left, colours, BESIDE, strict=False):
+        for one, colour, beside in zip(left, colours, OUTCOME_OFFSETS, strict=False):
             value = one.get((k.key, k.name), 1.0)
             ax.plot(value, place + beside, "o", ms=4, color=colour)
     ax.set(xlim=(0.0, 1.08), xlabel="expected width of the interval, over that of now [1]")

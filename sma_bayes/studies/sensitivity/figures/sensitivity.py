@@ -31,11 +31,11 @@ from sma_bayes.runs.outputs import floats
 from sma_bayes.studies.sensitivity.schema import QuantitySensitivity, RecordSensitivity, StoredSensitivity
 from sma_bayes.studies.sensitivity.words import called, reported
 
-LEAST: Final = 1e-3
+LEAST_DRAWN: Final = 1e-3
 """Sensitivities below it are drawn there."""
 CHANNELS: Final = {"force": "#c8501e", "displacement": "#1f6fb2", "stiffness": "#3f8f8f"}
 """Colour of the readings of each channel."""
-SHOWN: Final = 4
+NUMBERS_SHOWN: Final = 4
 """Numbers whose readings are drawn."""
 
 
@@ -93,13 +93,13 @@ def powers_figure(stored: StoredSensitivity, record: RecordSensitivity) -> Drawi
 def _powers(ax: Axes, quantities: tuple[QuantitySensitivity, ...], threshold: float) -> None:
     name_rows(ax, [q.name for q in quantities], labelled=True)
     values = [v for q in quantities for v in (q.prior, q.likelihood) if v is not None]
-    ax.set(xscale="log", xlim=(0.8 * LEAST, 1.6 * max([1.0, *values])))
+    ax.set(xscale="log", xlim=(0.8 * LEAST_DRAWN, 1.6 * max([1.0, *values])))
     ax.axvline(threshold, color=WARNING, lw=0.8, ls="--")
     for place, q in enumerate(quantities):
         if q.likelihood is not None:
-            ax.plot(max(q.likelihood, LEAST), place, "o", ms=4.5, mfc="white", mec=INK)
+            ax.plot(max(q.likelihood, LEAST_DRAWN), place, "o", ms=4.5, mfc="white", mec=INK)
         if q.prior is not None:
-            ax.plot(max(q.prior, LEAST), place, "o", ms=4.5, color=PRIOR)
+            ax.plot(max(q.prior, LEAST_DRAWN), place, "o", ms=4.5, color=PRIOR)
     take_power(ax.xaxis)
     ax.set_xlabel("sensitivity [1]")
 
@@ -187,4 +187,4 @@ def _headlines(record: RecordSensitivity) -> tuple[QuantitySensitivity, ...]:
         *(q for q in curve if q.temperature is None),
     ]
     wanted += [*(q for q in curve if q.temperature is not None), *(q for q in told if q.kind == "parameter")]
-    return tuple(wanted[:SHOWN])
+    return tuple(wanted[:NUMBERS_SHOWN])

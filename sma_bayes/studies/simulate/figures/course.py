@@ -28,7 +28,7 @@ from sma_bayes.studies.simulate.terminal import start_text
 LOOKS: Final = {"cold": "#1f6fb2", "hot": "#c8501e", "heating": "#2f7d4f", "cooling": "#6a3d9a"}
 DASHES: Final[dict[str, Literal["-", "--"]]] = {"cold": "-", "hot": "--", "heating": "-", "cooling": "--"}
 
-INSTANTS: Final = 0.02
+NEGATIVE_STIFFNESS_SHARE: Final = 0.02
 """Share of a course in which the band of a stiffness may reach below nought without that its axis does."""
 
 
@@ -127,5 +127,7 @@ def _limit(ax: Any, bands: list[tuple[Mapping[str, Floats], SimulatedRun]], chan
     room = max(3.0 * (high - low), 0.5 * abs(high + low), 1e-12)
     least, most = max(edges.min(), low - room), min(edges.max(), high + room)
     pad = 0.06 * (most - least)
-    positive = channel == "stiffness" and middle.min() > 0.0 and np.mean(lower < 0.0) < INSTANTS
+    positive = (
+        channel == "stiffness" and middle.min() > 0.0 and np.mean(lower < 0.0) < NEGATIVE_STIFFNESS_SHARE
+    )
     ax.set_ylim(0.0 if positive and least < pad else least - pad, most + pad)

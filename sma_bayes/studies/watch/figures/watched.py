@@ -30,7 +30,7 @@ from sma_bayes.studies.watch.reference import WATCHED
 from sma_bayes.studies.watch.schema import StoredWatch, WatchDocument, WatchedNumber
 
 ALARM: Final = "#b3261e"
-MARKED: Final = 60
+MAX_MARKERS: Final = 60
 """Cycles, at most, each of which has a point of its own."""
 MOST_DECADES: Final = 300
 """Beyond which evidence is no number of the machine any more."""
@@ -45,7 +45,7 @@ def evidence_figure(stored: StoredWatch) -> Drawing:
     figure = empty_sheet(6.4, 3.2)
     ax = panels(figure, 1, 1, left=0.75, right=0.2, bottom=0.85, top=0.3)[0][0]
     share = np.log10(len(found.numbers))
-    size = 2.6 if cycle.size <= MARKED else 0.0
+    size = 2.6 if cycle.size <= MAX_MARKERS else 0.0
     for n in found.numbers:
         own = np.array(n.log10_e) - share
         ax.plot(cycle, own, color=COLOURS[n.branch], lw=0.6, alpha=0.45, marker="o", ms=0.7 * size)

@@ -15,7 +15,7 @@ from sma_bayes.assess import held_out
 from sma_bayes.assess.correlation import joined
 from sma_bayes.assess.held_out import folds_of, part
 from sma_bayes.errors import MeasurementError
-from sma_bayes.fitting.noise_choice import EARNED, discrepancy_bases
+from sma_bayes.fitting.noise_choice import LEAST_LN_EVIDENCE_GAIN, discrepancy_bases
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import PriorSet, read_priors
 from sma_bayes.records.types import Branch, Condition, Record
@@ -254,7 +254,9 @@ def test_where_the_best_contender_misses_a_discrepancy_stands_beside_all() -> No
     found = compare_record(wavy_line(90, 4), PRIORS, only=["polynomial_corrected", "logistic_refitted"])
     assert found.noise.name == "ar1"  # a memory stays beside it unless the evidence is against that
     assert found.noise_choice is not None
-    assert found.noise_choice.ln_evidence["independent"] > -EARNED  # it is not what the misfit is taken for
+    assert (
+        found.noise_choice.ln_evidence["independent"] > -LEAST_LN_EVIDENCE_GAIN
+    )  # it is not what the misfit is taken for
     assert found.has_discrepancy
     assert found.memory == 1.0
     assert found.converged

@@ -46,7 +46,7 @@ def test_it_is_announced(
 def test_very_many_records_are_started_one_by_one_with_the_same_outcome(
     begun: StartedComparison, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(workflow, "MOST_STARTED", 0)
+    monkeypatch.setattr(workflow, "MAX_STARTED_RECORDS", 0)
     work = RunContext(COMPARISON, 1, "none")
     options = replace(OPTIONS, noise="independent")
     records = [begun.setting.record]

@@ -5,7 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from sma_bayes.studies.conditions.schema import ConditionsDocument
-from sma_bayes.studies.conditions.tables import HOPELESS, _effect_rows, preferred_way
+from sma_bayes.studies.conditions.tables import UNINFORMATIVE_SPANS, _effect_rows, preferred_way
 from sma_bayes.studies.conditions.terminal import conditions_text
 
 
@@ -95,5 +95,7 @@ def test_of_ways_that_hold_what_was_left_out_the_narrowest_is_advised() -> None:
 
 
 def test_where_no_way_holds_it_that_is_said() -> None:
-    assert advice(study(held(hierarchical=(0.5, HOPELESS)))).startswith("no method of prediction covers")
+    assert advice(study(held(hierarchical=(0.5, UNINFORMATIVE_SPANS)))).startswith(
+        "no method of prediction covers"
+    )
     assert advice(study()) == ""

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from sma_bayes.studies.cycles import laws
-from sma_bayes.studies.cycles.laws import NONE, POWERS, LawPosterior, Series, approach
+from sma_bayes.studies.cycles.laws import LAW_POWERS, NONE, LawPosterior, Series, approach
 
 
-@pytest.mark.parametrize("power", [p for powers in POWERS.values() for p in powers])
+@pytest.mark.parametrize("power", [p for powers in LAW_POWERS.values() for p in powers])
 def test_a_law_goes_from_nought_to_one_and_never_back(power: float) -> None:
     x = approach(power, 3.0, np.arange(0.0, 40.0), 20.0)
     assert x[0] == 0.0
@@ -41,15 +41,18 @@ def test_evidence_and_forecast_are_those_of_sampling() -> None:
     law, (draws,) = posterior.draw(later, 40_000, rng)
 
     size, centre = 2_000_000, series.value.mean()
-    kind = rng.integers(1 + len(POWERS), size=size)
-    names = list(POWERS)
-    weights = np.exp(-0.5 * (np.log(laws.PACES / laws.USUAL_PACE) / laws.PACE_SD) ** 2)
-    pace = rng.choice(laws.PACES, size=size, p=weights / weights.sum())
-    scale, share = np.array(laws.RIGS)[rng.integers(len(laws.RIGS), size=size)].T
+    kind = rng.integers(1 + len(LAW_POWERS), size=size)
+    names = list(LAW_POWERS)
+    weights = np.exp(-0.5 * (np.log(laws.N0_GRID / laws.USUAL_N0) / laws.LN_N0_SD) ** 2)
+    pace = rng.choice(laws.N0_GRID, size=size, p=weights / weights.sum())
+    scale, share = np.array(laws.REPEATABILITY_GRID)[rng.integers(len(laws.REPEATABILITY_GRID), size=size)].T
     tau, omega = np.zeros((2, size))
-    for own_scale in laws.SCALES:
+    for own_scale in laws.SCALE_GRID:
         own = np.flatnonzero(scale == own_scale)
-        for value, grid, usual in ((tau, laws.SCATTERS, 1.0), (omega, laws.STEPS, laws.USUAL_STEP)):
+        for value, grid, usual in (
+            (tau, laws.SCATTER_SD_GRID, 1.0),
+            (omega, laws.WALK_SD_GRID, laws.USUAL_STEP),
+        ):
             p = 1.0 / (grid / (usual * own_scale) + usual * own_scale / grid)
             value[own] = 0.2 * rng.choice(grid, size=own.size, p=p / p.sum())
     omega[rng.random(size) >= share] = 0.0
@@ -63,12 +66,12 @@ def test_evidence_and_forecast_are_those_of_sampling() -> None:
             axis=1,
         )
     )
-    change = 0.5 * rng.choice(laws.SIZES, size=size) * rng.standard_normal(size)
+    change = 0.5 * rng.choice(laws.CHANGE_SD_GRID, size=size) * rng.standard_normal(size)
     for k, name in enumerate(names, 1):
-        for j, power in enumerate(POWERS[name]):
-            own = np.flatnonzero(kind == k)[j :: len(POWERS[name])]
-            x = np.array([approach(power, p, later, 6.0) for p in laws.PACES])
-            state[own] += change[own, None] * x[np.searchsorted(laws.PACES, pace[own])]
+        for j, power in enumerate(LAW_POWERS[name]):
+            own = np.flatnonzero(kind == k)[j :: len(LAW_POWERS[name])]
+            x = np.array([approach(power, p, later, 6.0) for p in laws.N0_GRID])
+            state[own] += change[own, None] * x[np.searchsorted(laws.N0_GRID, pace[own])]
     sweep = state + tau[:, None] * rng.standard_normal(state.shape)
     seen = cycle.astype(int)
     likelihood = np.exp(-0.5 * np.sum((series.value - sweep[:, seen]) ** 2 / series.variance, axis=1))
@@ -141,6 +144,6 @@ def test_numbers_without_a_law_are_given_none_and_those_with_one_their_own() -> 
     posterior = LawPosterior(moved)
     assert posterior.chosen in ("exponential", "stretched")
     weights = posterior.pace_weights("exponential")
-    assert float(weights @ laws.PACES) == pytest.approx(3.0, rel=0.25)
+    assert float(weights @ laws.N0_GRID) == pytest.approx(3.0, rel=0.25)
     _, draws = posterior.draw(cycle, 2000, rng)
     assert [d.moving.mean() > 0.9 for d in draws] == [True, True, False]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from sma_bayes.report.screen import SHOWN
+from sma_bayes.report.screen import ENTRIES_SHOWN
 from sma_bayes.studies.cycles.terminal import shown_rows
 
 
@@ -13,7 +13,7 @@ def test_few_cycles_are_all_shown() -> None:
 def test_of_many_cycles_first_and_last_measured_ones_and_forecasts_are_shown() -> None:
     rows = shown_rows(100, 110)
     assert rows == [*range(8), None, *range(92, 100), 100, 101, None, 108, 109]
-    assert len([r for r in rows if r is not None]) == SHOWN
+    assert len([r for r in rows if r is not None]) == ENTRIES_SHOWN
 
 
 def test_of_many_forecasts_few_are_shown() -> None:

@@ -7,7 +7,7 @@ from pathlib import Path
 import numpy as np
 
 from sma_bayes.records.types import Branch, Condition, Record
-from sma_bayes.studies.fit.chains import COSTLY, chain_path, remove_chains
+from sma_bayes.studies.fit.chains import COSTLY_EVALUATIONS, chain_path, remove_chains
 
 
 def record(condition: str, branch: Branch = Branch.HEATING) -> Record:
@@ -29,7 +29,7 @@ def test_chains_that_are_soon_made_again_go_with_their_folder(tmp_path: Path) ->
     one, other = record("a"), record("a", Branch.COOLING)
     chains(tmp_path, one)
     chains(tmp_path, other)
-    remove_chains(tmp_path, [(one,), (other,)], {"a-heating": COSTLY, "a-cooling": 1})
+    remove_chains(tmp_path, [(one,), (other,)], {"a-heating": COSTLY_EVALUATIONS, "a-cooling": 1})
     assert list(tmp_path.iterdir()) == []
 
 
@@ -37,7 +37,9 @@ def test_costly_chains_stay_and_those_of_another_name_that_begins_alike_go(tmp_p
     cheap, costly = record("a-heating-b"), record("a")
     chains(tmp_path, cheap)
     kept = chains(tmp_path, costly)
-    remove_chains(tmp_path, [(costly,), (cheap,)], {"a-heating": COSTLY + 1, "a-heating-b-heating": 1})
+    remove_chains(
+        tmp_path, [(costly,), (cheap,)], {"a-heating": COSTLY_EVALUATIONS + 1, "a-heating-b-heating": 1}
+    )
     assert list(kept.parent.iterdir()) == [kept]
 
 
@@ -45,7 +47,9 @@ def test_cheap_chains_go_and_costly_ones_of_another_name_that_begins_alike_stay(
     cheap, costly = record("a"), record("a-heating-b")
     chains(tmp_path, cheap)
     kept = chains(tmp_path, costly)
-    remove_chains(tmp_path, [(cheap,), (costly,)], {"a-heating": 1, "a-heating-b-heating": COSTLY + 1})
+    remove_chains(
+        tmp_path, [(cheap,), (costly,)], {"a-heating": 1, "a-heating-b-heating": COSTLY_EVALUATIONS + 1}
+    )
     assert list(kept.parent.iterdir()) == [kept]
 
 
@@ -53,7 +57,7 @@ def test_chains_that_records_share(tmp_path: Path) -> None:
     heating, cooling = ([record(c, b) for c in "ab"] for b in (Branch.HEATING, Branch.COOLING))
     chains(tmp_path, *heating)
     kept = chains(tmp_path, *cooling)
-    taken = {r.key: 1 for r in heating} | {r.key: COSTLY + 1 for r in cooling}
+    taken = {r.key: 1 for r in heating} | {r.key: COSTLY_EVALUATIONS + 1 for r in cooling}
     remove_chains(tmp_path, [heating, cooling], taken)
     assert list(kept.parent.iterdir()) == [kept]
 

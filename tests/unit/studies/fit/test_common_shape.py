@@ -15,7 +15,7 @@ from sma_bayes.sampling.importance import drawn, few_draws
 from sma_bayes.sampling.laplace import Mode, find_mode
 from sma_bayes.studies.fit import common_shape
 from sma_bayes.studies.fit.common_shape import AboutMode, CommonShape, refitted, stretched
-from sma_bayes.studies.fit.self_check import PILOTS, checked
+from sma_bayes.studies.fit.self_check import PILOT_REPLICATES, checked
 
 START, WIDTH, SIZE = np.zeros(2), np.full(2, 20.0), 500
 
@@ -101,4 +101,4 @@ def test_a_self_check_samples_few_posteriors_thoroughly(
     monkeypatch.setattr(common_shape, "few_draws", counted)
     (found,) = checked([(record_draws(fit), False)], 40, 0, jobs=1)
     assert found.failed == 0
-    assert PILOTS <= len(thorough) <= PILOTS + 4
+    assert PILOT_REPLICATES <= len(thorough) <= PILOT_REPLICATES + 4

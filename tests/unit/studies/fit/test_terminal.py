@@ -158,7 +158,7 @@ def test_every_kind_of_reason_has_its_words(kind: str) -> None:
 def test_the_name_of_a_record_is_never_shortened(length: int) -> None:
     names = fit._columns_beside(["x" * length], 80)
     assert {"record", "converged", "adequate"} <= set(names)
-    assert length + fit.OTHERS * (len(names) - 1) <= 80 or len(names) == 3
+    assert length + fit.OTHER_COLUMN_CHARACTERS * (len(names) - 1) <= 80 or len(names) == 3
     assert fit._columns_beside(["x" * length], 160) == list(fit.COLUMNS)
 
 

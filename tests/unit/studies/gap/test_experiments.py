@@ -16,7 +16,7 @@ from sma_bayes.records.history import histories, sweep_rate
 from sma_bayes.studies.gap import experiments
 from sma_bayes.studies.gap.experiments import (
     DESIGNS,
-    ENOUGH,
+    ENOUGH_SEPARATION,
     ExperimentDesign,
     ProposedExperiment,
     next_experiment,
@@ -116,7 +116,7 @@ def test_the_design_that_separates_is_proposed(rivals, separation) -> None:
     proposal = next_experiment(fitted)
     assert proposal is not None
     assert proposal.design is TWICE_THE_LOAD
-    assert proposal.separation == separation(fitted, TWICE_THE_LOAD) > ENOUGH
+    assert proposal.separation == separation(fitted, TWICE_THE_LOAD) > ENOUGH_SEPARATION
     for other in DESIGNS:
         if other is not TWICE_THE_LOAD and not {*other.needs} & {"current", "ambient_temperature"}:
             assert separation(fitted, other) < 0.05, other.title
@@ -125,7 +125,7 @@ def test_the_design_that_separates_is_proposed(rivals, separation) -> None:
 def test_the_nearest_rival_counts(rivals, separation) -> None:
     truth, near, far = rivals(with_load, cubic, with_rate)
     alone = [separation([truth, other], THIRD_OF_THE_RATE) for other in (near, far)]
-    assert alone[0] < 0.05 < ENOUGH < alone[1]
+    assert alone[0] < 0.05 < ENOUGH_SEPARATION < alone[1]
     assert separation([truth, far, near], THIRD_OF_THE_RATE) == min(alone)
 
 
@@ -139,7 +139,7 @@ def test_another_rate_tells_a_lag_from_a_training_drift(rig, separation) -> None
         fitted.append(fit_with_noise(hypothesis, hypothesis.space.prior_centre()))
     again = separation(fitted, ExperimentDesign("the same again", (), dict))
     assert separation(fitted, TWICE_THE_LOAD) == pytest.approx(again, rel=1e-6)
-    assert separation(fitted, THIRD_OF_THE_RATE) > max(ENOUGH, 10.0 * again)
+    assert separation(fitted, THIRD_OF_THE_RATE) > max(ENOUGH_SEPARATION, 10.0 * again)
     proposal = next_experiment(fitted)
     assert proposal is not None
     assert "rate" in proposal.design.needs
@@ -194,9 +194,9 @@ def test_a_proposal_says_what_to_change_and_by_how_much(name: str, words: list[s
 
 def test_a_weak_proposal_says_so() -> None:
     assert "4.5 sigma, which may not be enough: repeat it" in str(
-        ProposedExperiment(TWICE_THE_LOAD, 0.9 * ENOUGH)
+        ProposedExperiment(TWICE_THE_LOAD, 0.9 * ENOUGH_SEPARATION)
     )
-    assert "enough" not in str(ProposedExperiment(TWICE_THE_LOAD, ENOUGH))
+    assert "enough" not in str(ProposedExperiment(TWICE_THE_LOAD, ENOUGH_SEPARATION))
 
 
 def test_what_separates_nothing_is_not_proposed() -> None:

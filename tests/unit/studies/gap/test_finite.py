@@ -9,7 +9,7 @@ from sma_bayes.effects import EFFECTS
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.history import histories
 from sma_bayes.response import RESPONSE_MODELS
-from sma_bayes.studies.gap.finite import STRONG, gained_in_steps
+from sma_bayes.studies.gap.finite import STRONG_LN_BAYES_FACTOR, gained_in_steps
 from sma_bayes.studies.gap.fitting import fit_hypothesis, fit_with_noise
 from sma_bayes.studies.gap.hypothesis import baseline
 from sma_bayes.studies.gap.name import screen, screen_all
@@ -52,7 +52,7 @@ def test_such_a_shift_is_named(far_apart) -> None:
     found = study_from(far_apart, EFFECTS, np.random.default_rng(0), lambda _: None)
     assert found.verdict == "named"
     assert found.effects[0].id in ("stress_shift", "branch_stress_shift")
-    assert found.steps[0].look.best.ln_bayes_factor > STRONG
+    assert found.steps[0].look.best.ln_bayes_factor > STRONG_LN_BAYES_FACTOR
 
 
 def test_where_all_is_linear_steps_gain_what_screening_foretells(make_line, added) -> None:

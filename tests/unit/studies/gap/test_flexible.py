@@ -12,7 +12,7 @@ from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.history import histories
 from sma_bayes.studies.gap.fitting import fit_hypothesis, fit_with_noise
 from sma_bayes.studies.gap.flexible import (
-    SIZES,
+    COEFFICIENT_SD_GRID,
     Term,
     WhitenedTerms,
     beyond_shape,
@@ -34,8 +34,8 @@ def test_its_bayes_factor_is_a_ratio_of_marginal_likelihoods(count: int, make_li
     columns = np.random.default_rng(2).standard_normal((line.y.size, count))
     (gain,) = gains(fitted, [Term("anything", "displacement", columns)])
     plain = line.log_evidence()
-    each = [line.log_evidence(extra=s**2 * columns @ columns.T) - plain for s in SIZES]
-    exact = float(logsumexp(each) - np.log(SIZES.size))
+    each = [line.log_evidence(extra=s**2 * columns @ columns.T) - plain for s in COEFFICIENT_SD_GRID]
+    exact = float(logsumexp(each) - np.log(COEFFICIENT_SD_GRID.size))
     assert gain.ln_bayes_factor == pytest.approx(exact, abs=2e-3)
     assert gain.of(fitted.whitened[:, None])[0] == pytest.approx(exact, abs=2e-3)
 
@@ -60,8 +60,8 @@ def test_its_bayes_factor_of_what_is_there_and_half_absorbed(
     columns = line.x[:, 1:2] + 0.3 * np.random.default_rng(2).standard_normal((y.size, 1))
     (gain,) = gains(fitted, [Term("anything", "displacement", columns)])
     plain = line.log_evidence()
-    each = [line.log_evidence(extra=s**2 * columns @ columns.T) - plain for s in SIZES]
-    exact = float(logsumexp(each) - np.log(SIZES.size))
+    each = [line.log_evidence(extra=s**2 * columns @ columns.T) - plain for s in COEFFICIENT_SD_GRID]
+    exact = float(logsumexp(each) - np.log(COEFFICIENT_SD_GRID.size))
     if prior_sd is NARROW:
         assert 0.0 < gain.ln_bayes_factor < exact - 10.0
     else:

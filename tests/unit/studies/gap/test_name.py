@@ -18,7 +18,7 @@ from sma_bayes.studies.gap.flexible import (
     terms_of,
 )
 from sma_bayes.studies.gap.name import (
-    WORTH,
+    LEAST_LN_BAYES_FACTOR,
     Candidate,
     EvidenceBeside,
     Rivals,
@@ -209,7 +209,7 @@ def test_what_is_looked_at_is_what_flexible_terms_bring(line, fitted, added) -> 
     assert found.fitted is not None
     extended, plain = (gains(f, terms_of(f)) for f in (found.fitted, fitted))
     on_top, alone = (max(0.0, *(g.ln_bayes_factor for g in some)) for some in (extended, plain))
-    assert (found.beside is None) == (found.ln_bayes_factor < WORTH)
+    assert (found.beside is None) == (found.ln_bayes_factor < LEAST_LN_BAYES_FACTOR)
     told = EvidenceBeside.of(found.ln_bayes_factor, offer(found.fitted), offer(fitted))
     assert told.on_top == pytest.approx(on_top)
     if not told.shape_apart:

@@ -17,8 +17,8 @@ from sma_bayes.records.types import Condition
 from sma_bayes.studies.gap import noise as module
 from sma_bayes.studies.gap.hypothesis import baseline
 from sma_bayes.studies.gap.noise import (
-    DEGREES,
-    MEMORIES,
+    CORRELATION_GRID,
+    DEGREES_OF_FREEDOM,
     BlockNoise,
     ChannelBlock,
     block_noise,
@@ -32,7 +32,7 @@ from sma_bayes.studies.gap.noise import (
     whiten,
 )
 
-GRID = float(np.max(np.diff(np.arctanh(MEMORIES))))
+GRID = float(np.max(np.diff(np.arctanh(CORRELATION_GRID))))
 """Coarsest step of the memories that are tried, in the coordinate in which they are about equally likely."""
 
 
@@ -141,8 +141,10 @@ def test_chance_remembers_no_longer_than_three_quarters_of_a_record(
     campaign = rig(periods=(60.0,), loads=(1.0,), cycles=cycles, samples=samples).campaign()
     hypothesis = baseline(campaign, histories(campaign), read_priors("modified_sigmoid"), pooled=True)
     (block,) = blocks_of(hypothesis)
-    assert longest - 0.1 < MEMORIES[block.possible].max() <= longest
-    assert all((1.0 + phi) / (1.0 - phi) > 1.5 * cycles * samples for phi in MEMORIES[~block.possible])
+    assert longest - 0.1 < CORRELATION_GRID[block.possible].max() <= longest
+    assert all(
+        (1.0 + phi) / (1.0 - phi) > 1.5 * cycles * samples for phi in CORRELATION_GRID[~block.possible]
+    )
 
 
 def test_chance_forgets_where_a_record_is_interrupted() -> None:
@@ -162,7 +164,7 @@ def test_chance_remembers_as_long_as_noise_seems_to(
     e = np.linalg.cholesky(correlation(phi, clock, segment)) @ rng.standard_normal(history.n)
     block = replace(block_of(history, np.ones(history.n)), sweep=10.0)  # interrupted after every sweep of 40
     found, free = block_noise(e, block, smooth), block_noise(e, replace(block, sweep=np.inf), smooth)
-    longest = MEMORIES[block.possible].max()
+    longest = CORRELATION_GRID[block.possible].max()
     seems = found.memory.max()
     assert (seems > longest) == seems_longer
     np.testing.assert_array_equal(found.memory, free.memory)
@@ -219,7 +221,7 @@ def test_scales_are_those_of_student_t(degrees: float) -> None:
     scale = tail_scale(u)
     assert scale is not None
     far = np.abs(u) > 20.0
-    for nu in DEGREES:
+    for nu in DEGREES_OF_FREEDOM:
         width = np.abs(u[~far]) / np.sqrt(np.maximum(scale[~far] ** 2 * (nu + 1.0) - nu, 1e-12))
         if np.ptp(np.quantile(width[np.abs(u[~far]) > 0.5], [0.1, 0.9])) < 1e-6:
             break
@@ -400,22 +402,23 @@ def test_columns_of_a_known_size_are_part_of_the_covariance(history: History, sm
     segment, clock = history.inputs["segment"], history.inputs["order"]
     e = rng.standard_normal(history.n) + random @ rng.normal(0.0, 3.0, 5)
     block = block_of(history, np.ones(history.n))
-    scales = np.array([memory_log_scale(np.where(block.first, 0.0, phi)).sum() for phi in MEMORIES])
+    scales = np.array([memory_log_scale(np.where(block.first, 0.0, phi)).sum() for phi in CORRELATION_GRID])
     values = module._with_random(e, block, smooth, random, scales)
     for size, phi in ((4, 10), (6, 20), (9, 5)):
-        plain = correlation(float(MEMORIES[phi]), clock, segment)
-        dense = restricted(e, smooth, plain + module.SIZES[size] ** 2 * random @ random.T)[0]
+        plain = correlation(float(CORRELATION_GRID[phi]), clock, segment)
+        dense = restricted(e, smooth, plain + module.CHANGE_SD_GRID[size] ** 2 * random @ random.T)[0]
         flat = restricted(e, smooth, plain)[0]
         at_nothing = module._restricted(
             module._products(np.column_stack([smooth, e]), block), scales, history.n
         )[0][phi]
         assert values[size, phi] - at_nothing == pytest.approx(dense - flat, abs=1e-3)
     size = int(np.argmax(logsumexp(values, axis=1)))
-    found, _ = module._likeliest(e, block, smooth, 1.0, random * module.SIZES[size])
+    found, _ = module._likeliest(e, block, smooth, 1.0, random * module.CHANGE_SD_GRID[size])
     best = int(np.argmax(values[size]))
-    assert float(np.median(found.memory[~block.first])) == MEMORIES[best]
+    assert float(np.median(found.memory[~block.first])) == CORRELATION_GRID[best]
     covariance = (
-        correlation(float(MEMORIES[best]), clock, segment) + module.SIZES[size] ** 2 * random @ random.T
+        correlation(float(CORRELATION_GRID[best]), clock, segment)
+        + module.CHANGE_SD_GRID[size] ** 2 * random @ random.T
     )
     assert found.sd == pytest.approx(restricted(e, smooth, covariance)[1], rel=1e-4)
 

@@ -16,7 +16,7 @@ from sma_bayes.records.types import Branch
 from sma_bayes.response.sinh_arcsinh import SinhArcsinhSlopes
 from sma_bayes.studies.gap.fitting import fit_with_noise
 from sma_bayes.studies.gap.hypothesis import baseline
-from sma_bayes.studies.gap.name import WORTH, Rivals, candidates, screen_all
+from sma_bayes.studies.gap.name import LEAST_LN_BAYES_FACTOR, Rivals, candidates, screen_all
 from sma_bayes.studies.gap.one_stage import COLD, HOT, SHAPES, SKEW, TAIL, OneStageShape, OneStageShapes
 from sma_bayes.studies.gap.study import baseline_start, is_worthy
 
@@ -62,7 +62,9 @@ def test_a_skewed_curve_is_no_second_stage(rig) -> None:
     fitted, found = judged(rig, skewed)
     assert found.ln_bayes_factor > 20.0, "without the rival it would be named"
     assert is_worthy(replace(found, one_stage=-np.inf))
-    assert found.one_stage == pytest.approx(OneStageShapes(fitted).worth(found.ln_bayes_factor - WORTH))
+    assert found.one_stage == pytest.approx(
+        OneStageShapes(fitted).worth(found.ln_bayes_factor - LEAST_LN_BAYES_FACTOR)
+    )
     assert found.one_stage > found.ln_bayes_factor
     assert not is_worthy(found)
 

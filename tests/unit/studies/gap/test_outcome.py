@@ -12,7 +12,7 @@ from sma_bayes.effects import EFFECTS
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.types import Branch, Campaign, Condition, Record
 from sma_bayes.studies.gap.cautions import cautions
-from sma_bayes.studies.gap.check import LEAST, comparable
+from sma_bayes.studies.gap.check import LEAST_SAMPLES, comparable
 from sma_bayes.studies.gap.document import THRESHOLDS, gap_of_model
 from sma_bayes.studies.gap.outcome import GapOutcome, gap_outcome, judgement, probability
 from sma_bayes.studies.gap.schema import EffectParameter, GapOfModel
@@ -245,13 +245,13 @@ def test_a_condition_needs_enough_samples_of_both_branches_together(springs):
     few = [
         replace(
             r,
-            inputs={k: v[: LEAST // 2 - 1] for k, v in r.inputs.items()},
-            observed={k: v[: LEAST // 2 - 1] for k, v in r.observed.items()},
-            row=r.row[: LEAST // 2 - 1],
+            inputs={k: v[: LEAST_SAMPLES // 2 - 1] for k, v in r.inputs.items()},
+            observed={k: v[: LEAST_SAMPLES // 2 - 1] for k, v in r.observed.items()},
+            row=r.row[: LEAST_SAMPLES // 2 - 1],
         )
         for r in springs.records[:2]
     ]
-    with pytest.raises(Exception, match=f"has {LEAST - 2} samples"):
+    with pytest.raises(Exception, match=f"has {LEAST_SAMPLES - 2} samples"):
         comparable(replace(springs, records=(*few, *springs.records[2:])))
 
 

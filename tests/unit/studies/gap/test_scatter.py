@@ -14,7 +14,7 @@ from sma_bayes.records.types import Campaign
 from sma_bayes.studies.gap.fitting import fit_held, fit_with_noise, held_at
 from sma_bayes.studies.gap.hypothesis import baseline
 from sma_bayes.studies.gap.name import (
-    WORTH,
+    LEAST_LN_BAYES_FACTOR,
     Rivals,
     cancels,
     candidates,
@@ -148,7 +148,7 @@ def test_numbers_beyond_their_range_do_not_count_where_the_nearest_within_explai
     fitted = baseline_of(rig(drift=0.02).campaign())
     extended = fitted.hypothesis.extended(EFFECTS["training_drift"])
     far = fit_held(extended, np.append(fitted.z, [0.001, np.log(12.0) + 4.0 * 0.85]), fitted.noise, 1)
-    lost = WORTH + 3.0
+    lost = LEAST_LN_BAYES_FACTOR + 3.0
     costly = replace(far, ln_evidence=within_range(far).ln_evidence + lost)
     assert within_range(costly, 90.0 * lost) is costly
     assert is_plausible(extended, within_range(costly, 110.0 * lost).z)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 from sma_bayes.parameters.priors_file import read_priors
-from sma_bayes.studies.gap.study import MISSHAPEN, study_campaign
+from sma_bayes.studies.gap.study import MISFIT_LN_BAYES_FACTOR, study_campaign
 
 
 def logistic(x):
@@ -52,7 +52,7 @@ def test_a_curve_of_another_shape_gets_no_name(shape, seed, rig) -> None:
     assert found.effects == ()
     terms = found.steps[-1].flexible
     assert terms is not None
-    assert terms.shape > MISSHAPEN
+    assert terms.shape > MISFIT_LN_BAYES_FACTOR
     assert terms.shape > 10.0 * max(0.0, terms.beyond.ln_bayes_factor if terms.beyond else 0.0)
 
 

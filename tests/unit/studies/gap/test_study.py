@@ -15,17 +15,22 @@ from sma_bayes.records.types import Branch, Campaign, Condition, Record
 from sma_bayes.simulated.rig import DEFAULT_RIG, GRAVITY, Setup, logged, ramp
 from sma_bayes.studies.gap.fitting import fit_hypothesis, fit_with_noise
 from sma_bayes.studies.gap.hypothesis import baseline
-from sma_bayes.studies.gap.name import CARRIED_BESIDE, MISSHAPEN, Candidate, EvidenceBeside
+from sma_bayes.studies.gap.name import (
+    LEAST_SHARE_BESIDE_FLEXIBLE,
+    MISFIT_LN_BAYES_FACTOR,
+    Candidate,
+    EvidenceBeside,
+)
 from sma_bayes.studies.gap.outcome import judgement
 from sma_bayes.studies.gap.study import (
-    APART,
-    CARRIED,
-    FURTHER,
-    OWN_FORM,
-    SIGNIFICANT,
-    WORTH,
+    LEAST_FURTHER_SHARE,
+    LEAST_LN_BAYES_FACTOR,
+    LEAST_SHARE_BESIDE_FORMS,
+    LEAST_SHARE_CARRIED,
+    LN_BAYES_FACTOR_TOLD_APART,
+    SIGNIFICANT_P,
     _beside_the_others,
-    _is_form,
+    _may_be_left_by_form,
     _preferred,
     baseline_start,
     beside_the_others,
@@ -105,11 +110,11 @@ def test_a_law_that_is_not_the_catalogues_is_named_with_what_its_form_leaves(stu
     found = study(shift=2.0, power=1.6, sd=1e-3)
     assert found.verdict == "named"
     assert [e.id for e in found.effects] == ["stress_shift"]
-    assert found.left.p_value < SIGNIFICANT
+    assert found.left.p_value < SIGNIFICANT_P
     rest = found.left.best.ln_bayes_factor
-    assert rest > WORTH
+    assert rest > LEAST_LN_BAYES_FACTOR
     assert 1.0 - found.remainder == pytest.approx(found.explained / (found.explained + rest))
-    assert CARRIED < 1.0 - found.remainder <= found.carried <= 1.0
+    assert LEAST_SHARE_CARRIED < 1.0 - found.remainder <= found.carried <= 1.0
 
 
 @pytest.mark.parametrize("channels", [("displacement",), ("force", "displacement")])
@@ -150,18 +155,19 @@ def test_what_is_small_in_one_channel_is_named_where_the_great_one_is_not(rig) -
     assert theta["stress_shift.c"] == pytest.approx(0.5, rel=0.1)
     assert found.left.p_value > 1e-3
     assert least_by_channel(found.steps[1].before, found.steps[:1]) == {
-        "force": pytest.approx(FURTHER * great), "displacement": MISSHAPEN,
+        "force": pytest.approx(LEAST_FURTHER_SHARE * great), "displacement": MISFIT_LN_BAYES_FACTOR,
     }  # fmt: skip
     assert least_by_channel(found.final, found.steps[:2]) == {
-        "force": pytest.approx(FURTHER * (great + small)), "displacement": pytest.approx(FURTHER * small),
-    }  # fmt: skip
+        "force": pytest.approx(LEAST_FURTHER_SHARE * (great + small)),
+        "displacement": pytest.approx(LEAST_FURTHER_SHARE * small),
+    }
 
 
 def test_what_the_form_of_an_effect_leaves_in_its_own_channel_has_no_name(rig) -> None:
     campaign = hung(rig(channels=("force", "displacement")).campaign(), 1.0, power=1.3)
     found = study_campaign(campaign, PRIORS, pooled=True)
     assert [e.id for e in found.effects] == ["dead_load"]
-    assert found.left.p_value < SIGNIFICANT
+    assert found.left.p_value < SIGNIFICANT_P
 
 
 def stronger(campaign: Campaign, by: float) -> Campaign:
@@ -179,7 +185,7 @@ def test_what_is_small_beside_another_in_its_channel_is_named_where_no_form_of_t
     found = study_campaign(stronger(rig(shift=6.0).campaign(), 0.008), PRIORS, pooled=True)
     assert [e.id for e in found.effects] == ["stress_shift", "stress_stroke"]
     great, small = (s.chosen.ln_bayes_factor for s in found.steps[:2] if s.chosen is not None)
-    assert small < 0.5 * FURTHER * great
+    assert small < 0.5 * LEAST_FURTHER_SHARE * great
     assert found.left.p_value > 1e-3
 
 
@@ -193,7 +199,7 @@ def test_where_nothing_is_hidden_nothing_is_named(study) -> None:
     found = [study(seed=k, memory=0.5 * (k % 2)) for k in range(10)]
     assert sum(f.verdict != "none" for f in found) <= 2
     for f in found:
-        assert (f.verdict == "none") == (f.p_value > SIGNIFICANT)
+        assert (f.verdict == "none") == (f.p_value > SIGNIFICANT_P)
         if f.verdict == "none":
             assert f.effects == ()
             assert all(c.fitted is None for c in f.steps[0].candidates)
@@ -204,14 +210,14 @@ def test_a_step_in_the_middle_has_no_name_since_a_smooth_function_does_as_well(s
     assert found.verdict == "unnamed"
     assert found.p_value < 1e-6
     best = found.steps[0].candidates[0]
-    assert best.ln_bayes_factor > WORTH
+    assert best.ln_bayes_factor > LEAST_LN_BAYES_FACTOR
     assert best.ln_bayes_factor <= best.guard
     status, why = judgement(found, best)
     assert status == "rejected"
     assert f"a smooth function of {best.guard_covariate}, without a mechanism, explains more" in why
     assert best.beside is not None
-    assert best.beside.over > WORTH
-    assert best.beside.carried < CARRIED_BESIDE
+    assert best.beside.over > LEAST_LN_BAYES_FACTOR
+    assert best.beside.carried < LEAST_SHARE_BESIDE_FLEXIBLE
     assert f"carries no more than {100.0 * best.beside.carried:.0f} % of what it explains together" in why
 
 
@@ -244,7 +250,7 @@ def test_effects_that_act_alike_are_one_class(study) -> None:
 
 
 @pytest.mark.parametrize("apart", [True, False])
-@pytest.mark.parametrize("more", [APART - 0.1, APART + 0.1])
+@pytest.mark.parametrize("more", [LN_BAYES_FACTOR_TOLD_APART - 0.1, LN_BAYES_FACTOR_TOLD_APART + 0.1])
 def test_what_explains_more_beside_a_free_shape_is_preferred_where_the_shape_is_told_apart(
     apart: bool, more: float
 ) -> None:
@@ -255,7 +261,7 @@ def test_what_explains_more_beside_a_free_shape_is_preferred_where_the_shape_is_
         return Candidate(EFFECTS[name], None, gained, beside=beside)
 
     creep, drift = found("hot_creep", 377.0, 345.0), found("training_drift", 356.0, 345.0 + more)
-    assert _preferred([creep, drift]) is (drift if apart and more > APART else creep)
+    assert _preferred([creep, drift]) is (drift if apart and more > LN_BAYES_FACTOR_TOLD_APART else creep)
 
 
 def test_what_a_later_effect_makes_needless_goes(rig) -> None:
@@ -310,7 +316,7 @@ def test_an_effect_makes_room_for_one_that_explains_more_beside_the_others(fitte
     catalogue = {e.id: e for e in (loose, lag, shift)}
     found = study_from(dear, catalogue, np.random.default_rng(0), lambda _: None)
     assert [e.id for e in found.effects] == ["thermocouple_lag", "stress_shift"]
-    assert found.final.ln_evidence > dear.ln_evidence + APART
+    assert found.final.ln_evidence > dear.ln_evidence + LN_BAYES_FACTOR_TOLD_APART
     step = next(s for s in found.steps if s.chosen is not None)
     assert step.chosen.effect.id == "stress_shift"
     assert [e.id for e in step.before.hypothesis.effects] == ["thermocouple_lag"]
@@ -369,8 +375,8 @@ def test_what_the_form_of_an_effect_leaves_is_less_than_a_fifth_of_it(sizes, for
     whole = fitted(sizes, "wave", "grown")
     found = {name: _beside_the_others(whole, known[name]) for name in sizes}
     assert all(is_worthy(c) for c in found.values())
-    assert found["grown"].beyond_form < OWN_FORM
-    assert [name for name, c in found.items() if _is_form(c)] == forms
+    assert found["grown"].beyond_form < LEAST_SHARE_BESIDE_FORMS
+    assert [name for name, c in found.items() if _may_be_left_by_form(c)] == forms
 
 
 @pytest.mark.parametrize(("sizes", "taken"), [({"grown": 1.0}, ()), ({"other": 1.0}, ("other",))])

@@ -127,7 +127,7 @@ def test_a_run_that_is_unlike_its_repeats_is_suspect_by_name(rig) -> None:
 
 
 def test_runs_that_repeat_as_usual_are_not(rig) -> None:
-    """Five campaigns that scatter as `REPRODUCED` says: at 5 % false alarms at most, 2 have a probability of 2.3 %."""
+    """Five campaigns with `USUAL_SCATTER`: at 5 % false alarms at most, 2 have a probability of 2.3 %."""
     alarms = 0
     for seed in range(5):
         rng = np.random.default_rng([seed, 3])

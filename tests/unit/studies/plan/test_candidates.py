@@ -9,7 +9,7 @@ import pytest
 from sma_bayes.errors import QuantityError, SmaBayesError, StudyError
 from sma_bayes.studies.plan.asked import parse_asked
 from sma_bayes.studies.plan.candidates import (
-    MOST,
+    MAX_CANDIDATES,
     CandidateExperiment,
     Setting,
     declared,
@@ -97,7 +97,10 @@ def test_a_file_gives_all_combinations(tmp_path: Path) -> None:
         ('[[candidate]]\nlowest = "65 degC"\npeak = "60 degC"\n', "lowest below peak"),
         ('[[candidate]]\ncondition = "c"\n', "unknown condition 'c'"),
         ("[[candidate]]\ncycles = 0\n", "greater than or equal to 1"),
-        (f"[[candidate]]\ncycles = {list(range(1, MOST + 3))}\n", f"more than {MOST} candidates"),
+        (
+            f"[[candidate]]\ncycles = {list(range(1, MAX_CANDIDATES + 3))}\n",
+            f"more than {MAX_CANDIDATES} candidates",
+        ),
         ("[[candidate\n", "not valid TOML"),
     ],
 )
