@@ -8,10 +8,10 @@ from pydantic import Field
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.adequacy import led_by_prior
 from sma_bayes.assess.bands import band_channels, curve_draws, temperature_grid
+from sma_bayes.assess.middle import middle_temperatures
 from sma_bayes.document_part import IntervalDocument
 from sma_bayes.fitting.curves import interval
 from sma_bayes.fitting.fit import Fit
-from sma_bayes.parameters.roles import Role
 from sma_bayes.response.modified_sigmoid import channel_unit
 
 
@@ -57,7 +57,8 @@ def branch_quantities(fit: Fit, record: int = 0) -> list[QuantityInterval]:
 def loop_quantities(heating: Fit, cooling: Fit, records: tuple[int, int] = (0, 0)) -> list[QuantityInterval]:
     """Hysteresis width and loop area of one condition.
 
-    The width is the distance of the midpoints, heating less cooling; the area is the integral of heating less
+    The width is the distance of the temperatures at which the curves are half-way (`middle_temperatures`), heating less
+    cooling; the area is the integral of heating less
     cooling over the temperatures that both branches cover. The posteriors of the two branches are independent,
     so their draws are paired as they come.
     """
@@ -69,15 +70,18 @@ def loop_quantities(heating: Fit, cooling: Fit, records: tuple[int, int] = (0, 0
     for channel in band_channels(h):
         if channel not in band_channels(c):
             continue
-        middle = heating.posterior.model.position(Role.MIDPOINT, channel)
-        if middle is not None:
-            a, b = (f.flat[:, f.posterior.layout[i].model[middle]]
-                    for f, i in zip((heating, cooling), records, strict=True))  # fmt: skip
+        a, b = (
+            middle_temperatures(f.curves(i), channel)
+            for f, i in zip((heating, cooling), records, strict=True)
+        )
+        if a is not None and b is not None:
             size = min(a.size, b.size)
             width = a[:size] - b[:size]
+            if np.isfinite(width).any():
+                width = width[np.isfinite(width)]
             out.append(_interval(
                 "hysteresis_width", heating, records[0], channel, t_unit, width,
-                "temperature of the midpoint, heating less cooling", branch="",
+                "temperature at which the curve is half-way, heating less cooling", branch="",
             ))  # fmt: skip
         if high > low:
             t = np.linspace(low, high, 161)

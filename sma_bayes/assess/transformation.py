@@ -57,6 +57,7 @@ LEAST_SAMPLES_OF_TRANSITION = 3
 """Samples between start and finish from which the steepest part counts as measured."""
 
 _COARSE, _FINE, _PASSES = 193, 33, 3
+_HALF_WAY_POINTS = 801
 _SEARCH_MARGIN = 0.5
 """How far beyond the measured range the steepest point is looked for [widths of that range]."""
 _DOUBLINGS = 12
@@ -84,6 +85,8 @@ class Tangents:
     missing_below, missing_above : ndarray, shape (N,)
         Share of the transformation that is outstanding at either end of the measured range [1]: distance of the curve
         from the tangent of the plateau, over the distance of the two plateaus' tangents at the steepest point.
+    below, above : Plateau
+        Tangents of the plateaus.
     """
 
     lower: Floats
@@ -91,6 +94,8 @@ class Tangents:
     middle: Floats
     missing_below: Floats
     missing_above: Floats
+    below: Plateau
+    above: Plateau
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,20 +167,26 @@ def transformation_temperatures(fit: Fit, record: int = 0) -> tuple[Temperature,
 def temperatures_of_draws(curves: CurveDraws, channel: str) -> tuple[Temperature, ...]:
     """Start and finish of the transformation on the curves of a posterior, of each of its stages, lowest first."""
     record = curves.posterior.records[curves.record]
-    smooth = curves.with_mean_discrepancy() if curves.weights else None
-    beyond = unfinished(curves, channel)
     if curves.posterior.model.stages == 1:
         parts: list[tuple[int | None, tuple[str, str]]] = [(None, NAMES[record.branch])]
     else:
         parts = list(enumerate(STAGES[record.branch]))
     found: list[Temperature] = []
     for stage, names in parts:
-        curve: Curve = partial(curves.curve, channel, stage=stage)
-        if beyond is not None:
-            curve = partial(_with_what_is_beyond, curve, beyond)
-        guide = partial(smooth.curve, channel, stage=stage) if smooth is not None else None
+        curve, guide = curves_beyond(curves, channel, stage)
         found += temperatures_of_curves(curve, record, channel, guide, names)
     return tuple(found)
+
+
+def curves_beyond(curves: CurveDraws, channel: str, stage: int | None = None) -> tuple[Curve, Curve | None]:
+    """Curves of a channel as they go on beyond the sweep, and those that guide `tangents` where they wiggle."""
+    curve: Curve = partial(curves.curve, channel, stage=stage)
+    beyond = unfinished(curves, channel)
+    if beyond is not None:
+        curve = partial(_with_what_is_beyond, curve, beyond)
+    if not curves.weights:
+        return curve, None
+    return curve, partial(curves.with_mean_discrepancy().curve, channel, stage=stage)
 
 
 def _with_what_is_beyond(curve: Curve, beyond: Unfinished, temperature: Floats) -> Floats:
@@ -266,11 +277,38 @@ def tangents(curve: Curve, low: float, high: float, guide: Curve | None = None) 
             np.abs(ends[:, i] - line.at(t)) / jump
             for i, (line, t) in enumerate(((below, low), (above, high)))
         ]
-    return Tangents(below.crossing, above.crossing, middle, *missing)
+    return Tangents(below.crossing, above.crossing, middle, missing[0], missing[1], below, above)
+
+
+def half_way(curve: Curve, low: float, high: float, guide: Curve | None = None) -> Floats:
+    """Temperature (N,) at which each curve is in the middle between the tangents of its plateaus; see `tangents`.
+
+    Of several such temperatures it is the one nearest to the steepest point; NaN where a curve has no such tangents.
+
+    Examples
+    --------
+    >>> import numpy as np
+    >>> half_way(lambda t: np.tanh((t - np.array([[50.0]])) / 4.0) + 0.01 * t, 20.0, 80.0).round(3)
+    array([50.])
+    """
+    found = tangents(curve, low, high, guide)
+    margin = _SEARCH_MARGIN * (high - low)
+    t = np.linspace(low - margin, high + margin, _HALF_WAY_POINTS)
+    return _nearest_zero(t, curve(t) - 0.5 * (found.below.line(t) + found.above.line(t)), found.middle)
+
+
+def _nearest_zero(t: Floats, y: Floats, place: Floats) -> Floats:
+    """Temperatures (N,) at which y (N, m) is zero, of several that nearest to a place (N,); NaN where there is none."""
+    first, second = y[:, :-1], y[:, 1:]
+    with np.errstate(divide="ignore", invalid="ignore"):
+        zero = np.where(first * second <= 0.0, t[:-1] + (t[1] - t[0]) * first / (first - second), np.nan)
+    distance = np.abs(zero - place[:, None])
+    nearest = np.where(np.isnan(distance), np.inf, distance).argmin(axis=1)
+    return np.asarray(zero[np.arange(len(zero)), nearest])
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class _Plateau:
+class Plateau:
     """Tangent to a plateau, ``value + slope (T - place)``, and where the steepest tangent crosses it; each (N,)."""
 
     place: Floats
@@ -279,8 +317,14 @@ class _Plateau:
     crossing: Floats
 
     def at(self, temperature: Floats | float) -> Floats:
+        """Values (N,) at one temperature, or one of each curve."""
         line = self.value + self.slope * (temperature - self.place)
         return np.asarray(np.where(np.isfinite(self.crossing), line, np.nan))
+
+    def line(self, temperature: Floats) -> Floats:
+        """Values (N, m) at m temperatures."""
+        line = self.value[:, None] + self.slope[:, None] * (temperature - self.place[:, None])
+        return np.where(np.isfinite(self.crossing)[:, None], line, np.nan)
 
 
 def _steepest(curve: Curve, low: float, high: float) -> tuple[Floats, Floats]:
@@ -307,7 +351,7 @@ def _steepest_chord(t: Floats, y: Floats) -> tuple[Floats, Floats, NDArray[np.bo
     return 0.5 * (t[row, best] + t[row, best + 1]), slopes[row, best], inside
 
 
-def _plateau(curve: Curve, middle: Floats, value: Floats, steepest: Floats, reach: float) -> _Plateau:
+def _plateau(curve: Curve, middle: Floats, value: Floats, steepest: Floats, reach: float) -> Plateau:
     """Tangent to the plateau on one side of the steepest point; a negative `reach` looks below it."""
     step = 0.01 * abs(reach)
     side = np.sign(reach)
@@ -328,4 +372,4 @@ def _plateau(curve: Curve, middle: Floats, value: Floats, steepest: Floats, reac
             break
         reach *= 2.0
     right = ~open_still & (side * (crossing - middle) > 0.0)
-    return _Plateau(place, level, slope, np.where(right, crossing, np.nan))
+    return Plateau(place, level, slope, np.where(right, crossing, np.nan))

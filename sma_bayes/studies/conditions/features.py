@@ -14,6 +14,7 @@ from scipy.special import expit
 
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
+from sma_bayes.assess.middle import middle_temperatures
 from sma_bayes.assess.transformation import temperatures_of_draws, transformation_channel
 from sma_bayes.fitting.curves import interval_where_defined
 from sma_bayes.parameters.roles import Role
@@ -192,11 +193,11 @@ def _of_loop(condition: Condition, branches: Mapping[Branch, RecordDraws]) -> It
     heating, cooling = branches[Branch.HEATING], branches[Branch.COOLING]
     size = min(heating.size, cooling.size)
     for channel in CHANNELS:
-        up, down = (r.with_role(Role.MIDPOINT, channel) for r in (heating, cooling))
+        up, down = (middle_temperatures(r.curves, channel) for r in (heating, cooling))
         if up is not None and down is not None:
             yield Feature(
                 "hysteresis_width", condition, BOTH, channel, degrees, up[:size] - down[:size],
-                f"temperature of the midpoint of {heating.quantities.get(channel, channel)}, heating less cooling",
+                f"temperature at which {heating.quantities.get(channel, channel)} is half-way, heating less cooling",
             )  # fmt: skip
     if all("stiffness" in r.units for r in branches.values()):
         yield from _stiffness_of_loop(condition, heating, cooling, size)

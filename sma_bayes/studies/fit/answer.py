@@ -46,8 +46,8 @@ def _answer_table(part: Content, number: int) -> Table:
         "answer" if number == 1 else f"answer-{number}",
         "Stiffness and transformation" if stiffness else "Transformation",
         f"Median and {INTERVAL}. {_of_stiffness(part) if stiffness else ''}Start and finish of the transformation "
-        "by the tangent rule (As, Af on heating; Ms, Mf on cooling); hysteresis: midpoint on heating less midpoint on "
-        "cooling.",
+        "by the tangent rule (As, Af on heating; Ms, Mf on cooling); hysteresis: temperature at which the curve is "
+        "half-way, heating less cooling.",
         (
             *words("condition", "branch"),
             *stiffness,

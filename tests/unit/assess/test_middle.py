@@ -1,0 +1,68 @@
+"""Temperatures at which curves are half-way: of the whole curve, what the model misses included."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy.optimize import brentq
+
+from sma_bayes.assess.loops import loop_quantities
+from sma_bayes.assess.middle import middle_temperatures
+from sma_bayes.fitting.fit import Fit
+from sma_bayes.fitting.fit_records import fit_records
+from sma_bayes.parameters.priors_file import read_priors
+from sma_bayes.records.types import Branch, Record
+
+PRIORS = read_priors("modified_sigmoid")
+
+
+def two_steps(t: np.ndarray | float) -> np.ndarray:
+    """A force that climbs by 0.5 N about 43 degrees and by 1.5 N, more steeply, about 55."""
+    slow, fast = 0.5 / (1.0 + np.exp(-0.5 * (t - 43.0))), 1.5 / (1.0 + np.exp(-1.5 * (t - 55.0)))
+    return np.asarray(0.5 + slow + fast)
+
+
+@pytest.fixture(scope="module")
+def bent(make_record: Callable[..., Record]) -> Fit:
+    record = make_record(n=160, noise=0.005, seed=2)
+    noise = 0.005 * np.random.default_rng(4).normal(size=record.temperature.size)
+    observed = {**record.observed, "force": two_steps(record.temperature) + noise}
+    fit = fit_records([replace(record, observed=observed)], PRIORS, noise="independent", seed=0)
+    assert "force" in fit.curves().weights
+    return fit
+
+
+def test_a_curve_that_the_model_misses_is_half_way_where_it_was_measured(bent: Fit) -> None:
+    """The midpoint B3 is sure of a temperature at which the force is not half-way between its plateaus."""
+    truth = brentq(lambda t: two_steps(t) - 1.5, 40.0, 60.0)
+    found = middle_temperatures(bent.curves(), "force")
+    assert found is not None
+    assert np.median(found) == pytest.approx(truth, abs=0.25)
+    b3 = bent.flat[:, bent.posterior.names.index("B3")]
+    low, high = np.quantile(found, [0.05, 0.95])
+    assert low - (high - low) < truth < high + (high - low)
+    low, high = np.quantile(b3, [0.05, 0.95])
+    assert not low - (high - low) < truth < high + (high - low)
+
+
+def test_a_curve_of_the_model_alone_is_half_way_at_its_midpoint(make_record: Callable[..., Record]) -> None:
+    fit = fit_records([make_record(n=60)], PRIORS, noise="independent", discrepancy=False, seed=0)
+    found = middle_temperatures(fit.curves(), "force")
+    np.testing.assert_array_equal(found, fit.flat[:, fit.posterior.names.index("B3")])
+
+
+def test_the_width_of_the_hysteresis_is_that_of_the_whole_curves(
+    bent: Fit, make_record: Callable[..., Record]
+) -> None:
+    cooling = make_record(n=160, noise=0.005, seed=5, branch=Branch.COOLING)
+    other = fit_records([cooling], PRIORS, noise="independent", seed=0)
+    width = next(
+        q for q in loop_quantities(bent, other) if (q.name, q.channel) == ("hysteresis_width", "force")
+    )
+    halves = [middle_temperatures(f.curves(), "force") for f in (bent, other)]
+    assert halves[0] is not None
+    assert halves[1] is not None
+    assert width.median == pytest.approx(float(np.median(halves[0] - halves[1])))
