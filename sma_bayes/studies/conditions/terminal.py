@@ -57,6 +57,7 @@ def conditions_text(stated: Mapping[str, Any]) -> str:
         lines.append(
             f"  {len(sure)} of {len(told)} effects have a 95 % sure direction; the report has all of them"
         )
+    lines += _tested_text(found, specimen)
     for p in found.predictions:
         note = (
             f"; EXTRAPOLATES in {', '.join(setting_name(s, specimen) for s in p.extrapolates)}"
@@ -75,6 +76,15 @@ def conditions_text(stated: Mapping[str, Any]) -> str:
     if not found.converged:
         lines.append(f"NOT CONVERGED: the numbers must not be relied on; {FIT_AGAIN}.")
     return "\n".join(lines)
+
+
+def _tested_text(found: ConditionsDocument, specimen: bool) -> list[str]:
+    """How the tested conditions differ, where their scatter about an effect can't be told."""
+    tested = [e for e in found.effects if e.tested and not e.beyond and e.feature in HEADLINES]
+    lines = [_effect_text(e, e.tested, specimen) for e in tested if e.tested]
+    for why in dict.fromkeys(e.why for e in tested):
+        lines.append(f"  so the tested conditions differ, and no more is known: {why}")
+    return lines
 
 
 def _sure(effect: StatedEffect) -> bool:

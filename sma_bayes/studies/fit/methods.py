@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Final
 
+from sma_bayes.assess.adequacy import LARGEST_MISFIT_SHARE
 from sma_bayes.errors import many
 from sma_bayes.report.content import INTERVAL, Content, RecordContent
 from sma_bayes.report.notation import count_text
@@ -45,6 +46,20 @@ REFERENCES: Final = {
 """BibTeX entries by key."""
 
 
+INADEQUATE: Final = {
+    "exact": "readings were computed, not measured",
+    "conflict": "prior and data contradict each other",
+    "sweeps": "sweeps do not repeat each other",
+    "curve": f"the curve without a discrepancy misses more than {LARGEST_MISFIT_SHARE:.0%} of the range of a channel",
+    "check": "a posterior predictive check fails",
+    "noise": "the noise takes a large part of the range of a channel",
+    "memory": "what the curve misses passes for noise with a memory",
+    "tempered": "the likelihood is tempered",
+    "prior": "parameters of the curve are led by their priors",
+}
+"""What is said of records that curve and noise do not describe, by the kind of reason."""
+
+
 def methods_text(content: Content) -> str:
     """What was done, as a paragraph in Markdown that cites `REFERENCES` as ``[@key]``."""
     return " ".join(_sentences(content)) + "\n"
@@ -61,6 +76,18 @@ def bibliography(content: Content) -> str:
 }}"""
     cited = [entry for key, entry in REFERENCES.items() if f"@{key}" in text]
     return "\n\n".join([*cited, own]) + "\n"
+
+
+def _adequacy(content: Content) -> str:
+    """How many records curve and noise describe, and what the others fail."""
+    records = content.records
+    told = f"Curve and noise describe {len(records) - len(content.inadequate)} of {len(records)} records"
+    counts = (
+        (sum(any(w.kind == kind for w in r.document.why) for r in records), text)
+        for kind, text in INADEQUATE.items()
+    )
+    reasons = "; ".join(f"in {count} {text}" for count, text in counts if count)
+    return f"{told}: {reasons}." if reasons else f"{told}."
 
 
 def _sentences(content: Content) -> Iterator[str]:
@@ -88,8 +115,7 @@ def _sentences(content: Content) -> Iterator[str]:
         f"{TARGET.rhat} and bulk and tail effective sample sizes of at least {TARGET.ess:.0f} "
         "for every parameter [@vehtari2021]."
     )
-    adequate = len(records) - len(content.inadequate)
-    yield f"By posterior predictive checks curve and noise describe {adequate} of {len(records)} records."
+    yield _adequacy(content)
     stiffness = next((c.name for c in content.channels if c.channel == "stiffness"), None)
     if stiffness is not None and not any(c.observed for c in content.channels if c.channel == "stiffness"):
         yield (

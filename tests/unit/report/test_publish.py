@@ -9,10 +9,11 @@ from pathlib import Path
 import pytest
 from openpyxl import load_workbook
 
+from sma_bayes.assess.adequacy import Reason
 from sma_bayes.report.content import Content
 from sma_bayes.report.tables import csv_columns, report_tables
 from sma_bayes.report.workbook import write_workbook
-from sma_bayes.studies.fit.methods import bibliography, methods_text
+from sma_bayes.studies.fit.methods import INADEQUATE, bibliography, methods_text
 from sma_bayes.studies.report.build import build_report
 
 
@@ -38,6 +39,22 @@ def test_what_was_not_done_is_not_claimed(content: Content) -> None:
     )
     assert "0 of 2 records converged" in methods_text(bad)
     assert "describe 0 of 2 records" in methods_text(bad)
+
+
+def test_a_misfit_of_the_curve_is_not_put_down_to_predictive_checks(content: Content) -> None:
+    missed = Reason(kind="curve", channel="force", message="the curve misses force by up to 9.8 %")
+    bad = tuple(
+        replace(r, adequate=False, document=r.document.model_copy(update={"why": (missed,)}))
+        for r in content.records
+    )
+    text = methods_text(replace(content, records=bad))
+    assert "describe 0 of 2 records: in 2 the curve without a discrepancy misses more than 2% of the" in text
+    assert "predictive check" not in text
+
+
+def test_every_kind_of_reason_has_words() -> None:
+    kinds = re.findall(r"`([a-z]+)` \(", Reason.model_fields["kind"].description or "")
+    assert set(kinds) == set(INADEQUATE)
 
 
 def test_every_citation_has_an_entry_and_every_entry_is_cited(content: Content) -> None:

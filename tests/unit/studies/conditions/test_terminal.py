@@ -73,6 +73,22 @@ def test_a_factor_between_shares_that_are_over_is_left_out_of_the_table() -> Non
     assert shown(0.1) == 1
 
 
+def test_of_two_conditions_it_is_told_how_they_differ_and_why_no_more() -> None:
+    effect = {
+        "feature": "Af", "branch": "heating", "channel": "displacement", "unit": "degC", "kind": "difference",
+        "setting": "load", "setting_unit": "N", "from": 1.0, "to": 2.0, "conditions": ["a", "b"],
+        "tested": {"q05": 25.3, "median": 29.9, "q95": 35.1}, "beyond": None, "probability_rises": None,
+        "scatter": None, "spare": 0, "why": "no condition is left to tell the scatter", "aliased_with": [],
+        "confounded_with": [],
+    }  # fmt: skip
+    text = conditions_text({**study(), "effects": [effect]})
+    assert (
+        "Af, heating 29.9 [25.3, 35.1] °C" in text
+        or "Af of displacement, heating 29.9 [25.3, 35.1] °C" in text
+    )
+    assert "no more is known: no condition is left to tell the scatter" in text
+
+
 def advice(found: dict[str, Any]) -> str:
     return preferred_way(ConditionsDocument.model_validate(found))
 
