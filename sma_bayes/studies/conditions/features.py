@@ -99,10 +99,12 @@ def _of_branch(record: RecordDraws) -> Iterator[Feature]:
     for channel in CHANNELS:
         midpoint, rate = (record.with_role(role, channel) for role in (Role.MIDPOINT, Role.RATE))
         what = record.quantities.get(channel, channel)
-        if midpoint is not None:
+        middle = middle_temperatures(record.curves, channel)
+        if middle is not None:
+            name = model.with_role(Role.MIDPOINT, channel)
             yield Feature(
-                "midpoint", condition, branch, channel, degrees, midpoint,
-                f"temperature of the midpoint of {what}, {model.with_role(Role.MIDPOINT, channel)}",
+                "midpoint", condition, branch, channel, degrees, middle,
+                f"temperature at which {what} is half-way; {name} where the curve misses nothing",
             )  # fmt: skip
         if midpoint is not None and rate is not None:
             yield Feature(

@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 from scipy.optimize import brentq
 
+from sma_bayes.assess.draws import record_draws
 from sma_bayes.assess.loops import loop_quantities
 from sma_bayes.assess.middle import middle_temperatures
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.fit_records import fit_records
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.types import Branch, Record
+from sma_bayes.studies.conditions.features import condition_features
 
 PRIORS = read_priors("modified_sigmoid")
 
@@ -66,3 +68,9 @@ def test_the_width_of_the_hysteresis_is_that_of_the_whole_curves(
     assert halves[0] is not None
     assert halves[1] is not None
     assert width.median == pytest.approx(float(np.median(halves[0] - halves[1])))
+
+
+def test_the_midpoint_of_a_condition_is_where_its_curve_is_half_way(bent: Fit) -> None:
+    features = condition_features([record_draws(bent)])
+    (midpoint,) = [f for f in features if (f.name, f.channel) == ("midpoint", "force")]
+    np.testing.assert_array_equal(midpoint.draws, middle_temperatures(bent.curves(), "force"))
