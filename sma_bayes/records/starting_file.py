@@ -295,6 +295,17 @@ def _left_out_text(left_out: Mapping[str, str], failed: Mapping[str, str], sourc
     return "\n".join(["", "# Not declared:", *rest, ""]) if rest else ""
 
 
+def _not_used(sources: Sequence[_Source]) -> list[str]:
+    """A comment with the columns of any of these files that are not declared; none where all are."""
+    named = dict.fromkeys(
+        repr(s.names[i]) if s.names else str(i + 1)
+        for s in sources
+        for i in s.guesses.unused
+        if not s.names or s.names[i]
+    )
+    return [f"# columns not used: {', '.join(named)}"] if named else []
+
+
 class _Writer:
     """Text of the campaign file; conditions that failed stand in it as comments.
 
@@ -326,7 +337,7 @@ class _Writer:
             f"name = {_quoted(self.folder.resolve().name or 'campaign')}",
         ]
         if common:
-            lines += ["", "[columns]", *columns[0]]
+            lines += ["", "[columns]", *columns[0], *_not_used(self.sources)]
             self._note(columns[0], "")
         if same_reading and readings[0]:
             lines += ["", "[reading]", *readings[0]]
@@ -338,7 +349,7 @@ class _Writer:
                 *self._settings(source),
             ]
             if not common:
-                part += ["[condition.columns]", *own]
+                part += ["[condition.columns]", *own, *_not_used([source])]
             if reading and not same_reading:
                 part += ["[condition.reading]", *reading]
             if name in self.failed:
@@ -355,13 +366,7 @@ class _Writer:
 
     def _columns(self, source: _Source) -> list[str]:
         order = sorted(source.guesses.columns.items(), key=lambda entry: list(_ORDER).index(entry[0]))
-        lines = [_column_line(quantity, i, guess, source) for quantity, (i, guess) in order]
-        named = [
-            repr(source.names[i]) if source.names else str(i + 1)
-            for i in source.guesses.unused
-            if not source.names or source.names[i]
-        ]
-        return lines + ([f"# columns not used: {', '.join(named)}"] if named else [])
+        return [_column_line(quantity, i, guess, source) for quantity, (i, guess) in order]
 
     def _settings(self, source: _Source) -> list[str]:
         """What was set on the rig: told by the name, or a load that the file shows to be held."""

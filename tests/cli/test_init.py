@@ -154,3 +154,20 @@ def test_a_thermometer_is_told_from_a_force_that_spans_more() -> None:
     noise = np.random.default_rng(0).standard_normal(300)
     found = guess_unnamed([{0: noise, 1: force, 2: temperature}], 3, [None])
     assert found.columns["temperature"][0] == 2
+
+
+def test_a_column_that_one_file_has_and_no_quantity_takes_is_named(
+    run: Callable[..., Any], tmp_path: Path
+) -> None:
+    t = np.concatenate([np.linspace(20.0, 90.0, 60), np.linspace(90.0, 20.0, 60)])
+    for name, more in (("a", ""), ("b", ",operator_code")):
+        rows = [
+            f"{i},{x:.2f},{5.0 + np.tanh((x - 55.0) / 5.0):.4f}{',1' if more else ''}"
+            for i, x in enumerate(t)
+        ]
+        (tmp_path / f"{name}.csv").write_text(
+            "\n".join([f"time_s,temperature_C,force_N{more}", *rows]), "utf-8"
+        )
+    outcome = run("init", tmp_path)
+    assert outcome.status == 0, outcome.err
+    assert "# columns not used: 'operator_code'" in (tmp_path / "campaign.toml").read_text(encoding="utf-8")
