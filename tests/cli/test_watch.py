@@ -398,10 +398,12 @@ def test_of_one_fitted_and_one_watched_cycle(run: Run, tmp_path: Path, watched_s
     sma_bayes.fit_campaign(campaign, tmp_path / "results", jobs=1, figures="none", noise="independent")
     watched_spring.write(tmp_path / "next.csv", [rig.cycle(rng)])
     outcome = run(
-        "watch", tmp_path / "results", tmp_path / "next.csv", "--out", out, "--limit", "stroke=-20%"
-    )
+        "watch", tmp_path / "results", tmp_path / "next.csv", "--out", out, "--limit", "stroke=-20%",
+        "--campaign", tmp_path / "bench",
+    )  # fmt: skip
     assert outcome.status == 0, outcome.err
     page = (out / "report.html").read_text(encoding="utf-8")
+    assert f"--campaign &#34;{tmp_path / 'bench' / 'campaign.toml'}&#34; --limit" in page
     assert "Not known yet: remaining cycles are told from three cycles on." in page
     assert "No limit was asked for" not in page
     (ax,) = evidence_figure(read_finished(WATCH, WatchDocument, out, in_declared_units)).figure.axes

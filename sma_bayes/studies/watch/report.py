@@ -28,4 +28,5 @@ def command(found: WatchDocument) -> str:
     """The command that counts further cycles."""
     limits = "".join(f' --limit "{text}"' for text in found.asked)
     fixed = f"--out DIR --condition {found.condition} --alpha {found.alpha:g} --seed {found.seed}"
-    return f'sma-bayes watch "{found.fit}" NEW.csv {fixed}{limits}'
+    campaign = f' --campaign "{found.declared_in}"' if found.declared_in else ""
+    return f'sma-bayes watch "{found.fit}" NEW.csv {fixed}{campaign}{limits}'

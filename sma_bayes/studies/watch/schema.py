@@ -166,6 +166,9 @@ class WatchFindings(DeclaredUnits, VerdictFindings):
         description="whether the fit did, and the common curves of its sweeps have settled"
     )
     asked: Items[str] = Field(default=(), description="limits as they were asked")
+    declared_in: str = Field(
+        default="", description="campaign file by which new files are read; empty where it is that of the fit"
+    )
     limits: Items[LimitDocument] = Field(description="one for each branch and channel with the quantity")
     files: Items[ReadFile] = Field(description="files that were read, in their order")
     partial: Items[str] = Field(description="cycles that were not whole when they were last read, in words")

@@ -167,7 +167,8 @@ def watching(
         with nullcontext() if place is None else claimed_folder(place, identity, resume=True):
             series = tuple(f"{s.record.branch.value} {s.channel}" for s in reference.strands)
             state = empty(series) if place is None else read_state(place, series)
-            yield Watch(run, chosen, reference, reader, limits, alpha, seed, place, work, state)
+            own = None if campaign is None else reader.declared_in.absolute()
+            yield Watch(run, chosen, reference, reader, own, limits, alpha, seed, place, work, state)
 
 
 def _temperature_unit(run: StoredRun, condition: str) -> str:
@@ -195,6 +196,8 @@ class Watch:
     condition : str
     reference : Reference
     reader : NewFileReader
+    campaign : Path or None
+        File by which new files are read, where it is not that of the fit.
     limits : list of WatchLimit
     alpha : float
     seed : int
@@ -208,6 +211,7 @@ class Watch:
     condition: str
     reference: Reference
     reader: NewFileReader
+    campaign: Path | None
     limits: list[WatchLimit]
     alpha: float
     seed: int
@@ -308,6 +312,7 @@ class Watch:
             converged=converged,
             **dict(verdict.found),
             asked=tuple(dict.fromkeys(limit.asked for limit in self.limits)),
+            declared_in="" if self.campaign is None else str(self.campaign),
             limits=tuple(limits),
             files=self.state.files,
             partial=tuple(self._partial()),
