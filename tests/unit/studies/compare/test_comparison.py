@@ -19,6 +19,7 @@ from sma_bayes.fitting.noise_choice import LEAST_LN_EVIDENCE_GAIN, discrepancy_b
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import PriorSet, read_priors
 from sma_bayes.records.types import Branch, Condition, Record
+from sma_bayes.sampling import importance
 from sma_bayes.sampling.importance import WeightedDraws
 from sma_bayes.studies.compare.comparison import (
     Comparison,
@@ -169,14 +170,14 @@ def test_a_fit_without_a_fold_that_fails_is_told(
     record: Record, line: Comparison, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     assert line.converged
-    whole = held_out.importance_draws
+    whole = importance.importance_draws
     failing = iter([True, False])
 
     def seldom(*arguments: Any, **named: Any) -> WeightedDraws:
         draws = whole(*arguments, **named)
         return replace(draws, k=1.5, converged=False) if next(failing, False) else draws
 
-    monkeypatch.setattr(held_out, "importance_draws", seldom)
+    monkeypatch.setattr(importance, "importance_draws", seldom)
     found = compare_record(record, PRIORS, noise="independent", only=["polynomial_corrected"])
     assert not found.converged
     model = record_document(found).as_json()["models"]["polynomial_corrected"]
