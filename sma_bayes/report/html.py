@@ -24,7 +24,7 @@ from sma_bayes.report.content import (
     RecordContent,
 )
 from sma_bayes.report.figures.sheet import FigureFiles
-from sma_bayes.report.notation import count_text, interval_text, unit_label, with_minus, write
+from sma_bayes.report.notation import count_text, interval_text, sentence, unit_label, with_minus, write
 from sma_bayes.report.tables import (
     UNIT_OF_ROW,
     Cell,
@@ -144,7 +144,7 @@ def page_environment(package: str, most: int | None = None) -> Environment:
         "number": _number,
         "rows": rows_text,
         "commands": _commands,
-        "sentence": lambda text: f"{text[:1].upper()}{text[1:]}.",
+        "sentence": sentence,
         "joined": lambda parts: list(chain.from_iterable(parts)),
         "plain": lambda value, digits=4: write([value], digits=digits).plain[0],
     }

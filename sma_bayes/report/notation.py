@@ -174,6 +174,17 @@ def compact(value: float) -> str:
     return _signed(digits) + (f" × 10{power_text(int(power))}" if power else "")
 
 
+def sentence(words: str) -> str:
+    """Words as a sentence of their own.
+
+    Examples
+    --------
+    >>> sentence("the data do not tell")
+    'The data do not tell.'
+    """
+    return f"{words[:1].upper()}{words[1:]}."
+
+
 def with_minus(text: str) -> str:
     """Text for people, in which negative numbers have a minus sign in place of a hyphen.
 

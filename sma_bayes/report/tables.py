@@ -26,6 +26,7 @@ from sma_bayes.report.notation import (
     MISSING,
     interval_text,
     power_text,
+    sentence,
     squared,
     unit_label,
     with_minus,
@@ -867,7 +868,7 @@ def without_same(table: Table, keys: Sequence[str]) -> Table:
     return Table(
         table.name,
         table.title,
-        f"{table.note} {told[0].upper()}{told[1:]}.",
+        f"{table.note} {sentence(told)}",
         tuple(table.columns[i] for i in kept),
         tuple(tuple(row[i] for i in kept) for row in table.rows),
         table.grouped,

@@ -24,7 +24,6 @@ from sma_bayes.runs.schema import (
     RunAccount,
     StudyFindings,
 )
-from sma_bayes.studies.compare.words import same_curve
 
 
 def _or(value: float | None, otherwise: float) -> float:
@@ -57,6 +56,7 @@ class StatedVerdict(DocumentPart):
         description="models of several families that are the preferred curve; the reason begins with them",
     )
     why: str = Field(description="the reason in words")
+    why_alone: str = Field(default="", description="the same without `twins`")
 
 
 class ModelFactors(DocumentPart):
@@ -266,9 +266,7 @@ class ComparisonFindings(StudyFindings, DeclaredUnits):
     def reason(self, record: ComparedRecord) -> str:
         """Why a record has its verdict, without the models that are one curve where all records together say so."""
         told = any(g.twins == record.twins and g.quantity == record.quantity for g in self.overall)
-        return (
-            record.why.removeprefix(f"{same_curve(record.twins)}, ") if told and record.twins else record.why
-        )
+        return (record.why_alone or record.why) if told else record.why
 
 
 class ComparisonDocument(RunAccount, FilesBeside, ComparisonFindings):

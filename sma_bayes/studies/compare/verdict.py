@@ -88,8 +88,9 @@ def judge(standings: Sequence[Standing]) -> StatedVerdict:
     rivals = [s for s in voting if s.curve != best.curve and s.family not in families]
     rival = max(rivals, key=lambda s: s.ln_evidence) if rivals else None
     factor = best.ln_evidence - rival.ln_evidence if rival else 0.0
-    why, decisive = _reason(best, voting, families, rival)
-    twins = sorted(s.name for s in voting if s.curve == best.curve)
+    lead, decisive = _reason(best, voting, families, rival)
+    same = sorted(s.name for s in voting if s.curve == best.curve)
+    twins = tuple(same) if rival is not None and len(families) > 1 else ()
     return StatedVerdict(
         preferred=best.name,
         verdict=best.family if decisive else CANNOT_TELL,
@@ -98,24 +99,26 @@ def judge(standings: Sequence[Standing]) -> StatedVerdict:
         rival=rival.name if rival else "",
         ln_bayes_factor=factor,
         not_told_from=near,
-        twins=tuple(twins) if rival is not None and len(families) > 1 else (),
-        why=why,
+        twins=twins,
+        why=f"{same_curve(twins)}, {lead}" if twins else lead,
+        why_alone=lead,
     )
 
 
 def _reason(
     best: Standing, voting: Sequence[Standing], families: Collection[str], rival: Standing | None
 ) -> tuple[str, bool]:
-    """Why, and whether the preference is decisive."""
-    twins = sorted(s.name for s in voting if s.curve == best.curve)
+    """Why, the models that are one curve apart, and whether the preference is decisive."""
     if rival is None:
-        return f"there is no model but {listed(twins)}", False
+        return (
+            f"there is no model but {listed(sorted(s.name for s in voting if s.curve == best.curve))}",
+            False,
+        )
     factor = best.ln_evidence - rival.ln_evidence
     first, second = f"the {spoken(best.name)}", f"the {spoken(rival.name)}"
     if len(families) > 1:
         enough = "" if _ahead(best, rival) else ", which is too little to tell"
-        lead = f"ahead of {second} by {nats(factor)} in ln evidence{enough}"
-        return f"{same_curve(twins)}, {lead}", False
+        return f"ahead of {second} by {nats(factor)} in ln evidence{enough}", False
     ratio = f"ln Bayes factor of {first} over {second} is {nats(factor)}"
     if not _ahead(best, rival):
         return f"{ratio}, less than {LN_BAYES_FACTOR_DECISIVE:.1f} beyond its error", False

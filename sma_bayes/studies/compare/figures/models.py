@@ -22,7 +22,7 @@ from sma_bayes.report.figures.sheet import (
     panels,
     take_power,
 )
-from sma_bayes.report.notation import unit_label
+from sma_bayes.report.notation import sentence, unit_label
 from sma_bayes.runs.shown import series_shown
 from sma_bayes.studies.compare.schema import ComparedRecord, StoredComparison
 from sma_bayes.studies.compare.words import short
@@ -96,7 +96,7 @@ def curves_figure(stored: StoredComparison, record: ComparedRecord) -> Drawing:
             f"{record.condition}, {record.branch}: medians of the models' curves, with 90 % bands of the "
             "modified sigmoid, the refitted logistic and the polynomial, over the data. Below: residuals of "
             f"predictions made without the sample's own fold ({record.held_out.kind}). "
-            f"{reason[:1].upper()}{reason[1:]}."
+            f"{sentence(reason)}"
         ),
         alt="measured values with the curves of all models, and residuals of held-out predictions",
         figure=figure,

@@ -87,8 +87,10 @@ def test_a_verdict_speaks_of_models_in_words() -> None:
         "refitted logistic and modified sigmoid are the same curve of this channel, ahead of the corrected polynomial "
         "by 1148 in ln evidence"
     )
+    assert same.why_alone == "ahead of the corrected polynomial by 1148 in ln evidence"
     won = judge([standing("modified_sigmoid", 0.0), standing("polynomial_published", -8.0)])
     assert won.why.startswith(
         "ln Bayes factor of the modified sigmoid over the published polynomial is 8.0; held out"
     )
     assert "_" not in won.why
+    assert won.why_alone == won.why
