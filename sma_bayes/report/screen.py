@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from copy import copy
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from textwrap import fill
@@ -20,6 +20,8 @@ from sma_bayes.report.notation import with_minus
 
 ENTRIES_SHOWN: Final = 20
 """Entries of a list on the screen, where there are very many."""
+LEAST_LETTERS_OF_WORDS: Final = 32
+"""Letters of a line from which on people read sentences in a column."""
 SIMPLER_NOISE_MODELS: Final = ("ar1", "independent")
 """Noise models under which fits converge that do not under richer ones, mostly in seconds; the richer first. Of four
 real records two did under either, and each under one of them; but then none was adequate."""
@@ -77,7 +79,8 @@ def screen() -> Screen:
 def fitting(table: Table, width: int) -> Iterator[Table]:
     """A table, or where it is too wide several of its columns each, after the first ones that tell its rows apart.
 
-    Numbers stand on one line; words go on below each other, and none of them is cut.
+    Numbers stand on one line; words go on below each other, and none of them is cut. Sentences have
+    `LEAST_LETTERS_OF_WORDS` where there is room.
 
     Parameters
     ----------
@@ -94,7 +97,8 @@ def fitting(table: Table, width: int) -> Iterator[Table]:
         return
     named = _naming(columns)
     parts: list[list[_Measured]] = [columns[:named]]
-    for c in columns[named:]:
+    room = width - total(c.least for c in columns[:named]) - left - right - 1
+    for c in (c.readable(room) for c in columns[named:]):
         if len(parts[-1]) > named and total(x.least for x in (*parts[-1], c)) > width:
             parts.append(columns[:named])
         parts[-1].append(c)
@@ -145,6 +149,15 @@ class _Measured:
         word = max((cell_len(w) for text in words for w in text.split()), default=0)
         least = max(word, whole) if column.justify == "right" or column.no_wrap else word
         return cls(header, cells, column.justify, max(whole, cell_len(header)), least)
+
+    def readable(self, room: int) -> Self:
+        """The same with as many letters for sentences as they should have, and there are."""
+        words = self.justify != "right"
+        return (
+            replace(self, least=max(self.least, min(self.widest, LEAST_LETTERS_OF_WORDS, room)))
+            if words
+            else self
+        )
 
 
 numbers = partial(Column, justify="right")

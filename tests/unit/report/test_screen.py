@@ -81,6 +81,20 @@ def test_no_cell_of_a_wide_table_is_cut(width: int) -> None:
     assert any("100g-heating" in line and cells[3] in line for line in lines), "a part names its records"
 
 
+def test_sentences_in_a_narrow_table_have_room() -> None:
+    """At 80 letters a line, why an effect was rejected stood in 17 lines of 18 letters beside its numbers."""
+    console = Screen(file=io.StringIO(), width=80, markup=False, emoji=False)
+    table = titled("candidates", "effect", *map(numbers, ["ln BF", "held-out score"]), "status", "why")
+    why = "one stage of another shape explains as much, and of that hardly anything lies beyond a free curve"
+    for effect in ("thermal_expansion", "branch_stress_shift"):
+        table.add_row(effect, "37.3", "57.4 ± 18.1", "rejected", why)
+    console.print(table)
+    told = console.file.getvalue()
+    assert max(map(len, told.splitlines())) <= 80
+    assert told.count("branch_stress_shift") == 2
+    assert told.count("one stage of another shape explains") == 2
+
+
 def test_every_part_of_a_wide_table_tells_its_rows_apart() -> None:
     """Cold and hot starts of a condition had the same name in all parts but the first."""
     console = Screen(file=io.StringIO(), width=60, markup=False, emoji=False)
