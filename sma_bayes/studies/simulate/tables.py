@@ -6,7 +6,7 @@ from sma_bayes.report.content import Estimate, Number
 from sma_bayes.report.notation import unit_label
 from sma_bayes.report.tables import Column, Table, table_of, words
 from sma_bayes.studies.simulate.schema import SimulationDocument, StoredSimulation
-from sma_bayes.studies.simulate.terminal import shown_parameters, start_text
+from sma_bayes.studies.simulate.terminal import shown_parameters, with_starts
 
 
 def simulation_tables(stored: StoredSimulation) -> dict[str, Table]:
@@ -35,26 +35,28 @@ def _balance(found: SimulationDocument) -> Table:
 
 def _ends(found: SimulationDocument) -> Table:
     rows = []
-    for r in found.runs:
+    for r, start in with_starts(found.runs):
         for c, v in r.shown.items():
-            rows.append((r, v.name, v))
+            rows.append((r.condition, start, v.name, v))
             if c == "temperature":
-                rows.append((r, "hottest temperature", r.hottest.shown_in(r.temperature_unit)))
+                rows.append(
+                    (r.condition, start, "hottest temperature", r.hottest.shown_in(r.temperature_unit))
+                )
     return table_of(
         "end",
         "At the end of the profile",
         "Median and equal-tailed 90 % intervals: of the curve, and of another run, in which the temperature is off as "
         "measured ones were and readings have their noise.",
         rows,
-        (Column("condition", "condition"), lambda r, name, v: r.condition),
-        (Column("start", "start"), lambda r, name, v: start_text(r)),
-        (Column("quantity", "quantity"), lambda r, name, v: name),
-        (Column("value", "value", "unit"), lambda r, name, v: Estimate.of(v, v.unit)),
+        (Column("condition", "condition"), lambda condition, start, name, v: condition),
+        (Column("start", "start"), lambda condition, start, name, v: start),
+        (Column("quantity", "quantity"), lambda condition, start, name, v: name),
+        (Column("value", "value", "unit"), lambda condition, start, name, v: Estimate.of(v, v.unit)),
         (
             Column("another run", "another_run", "unit"),
-            lambda r, name, v: Estimate(v.median, v.pred_q05, v.pred_q95, v.unit),
+            lambda condition, start, name, v: Estimate(v.median, v.pred_q05, v.pred_q95, v.unit),
         ),
-        (Column("unit", "unit"), lambda r, name, v: unit_label(v.unit) or "1"),
+        (Column("unit", "unit"), lambda condition, start, name, v: unit_label(v.unit) or "1"),
         grouped=2,
     )
 

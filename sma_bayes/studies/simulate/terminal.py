@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
 
@@ -70,15 +70,25 @@ def _ends(document: SimulationFindings) -> Table:
         numbers(f"hottest [{' or '.join(map(unit_label, sorted(degrees)))}]"),
         *(numbers(f"{name} [{unit_label(unit) or '1'}]") for (_, unit), name in columns.items()),
     )
-    for r in document.runs:
+    for r, start in with_starts(document.runs):
         end = r.shown
         cells = [value_text(end[c]) if c in end and end[c].unit == unit else "-" for c, unit in columns]
-        table.add_row(r.condition, start_text(r), value_text(r.hottest.shown_in(r.temperature_unit)), *cells)
+        table.add_row(r.condition, start, value_text(r.hottest.shown_in(r.temperature_unit)), *cells)
     return table
 
 
 def _named(run: SimulatedRun) -> Mapping[str, tuple[str, str]]:
     return {c: (v.name, v.unit) for c, v in run.shown.items()}
+
+
+def with_starts(runs: Sequence[SimulatedRun]) -> Iterator[tuple[SimulatedRun, str]]:
+    """Simulations, each with where it begins; of those that end alike, to the digits that are written, one for all."""
+    alike: dict[tuple[str, ...], list[SimulatedRun]] = {}
+    for r in runs:
+        ends = [r.hottest.shown_in(r.temperature_unit), *r.shown.values()]
+        written = [text(v) for v in ends for text in (curve_text, value_text)]
+        alike.setdefault((r.condition, *r.shown, *written), []).append(r)
+    return ((same[0], " or ".join(map(start_text, same))) for same in alike.values())
 
 
 def start_text(run: SimulatedRun) -> str:
@@ -90,13 +100,22 @@ def start_text(run: SimulatedRun) -> str:
     )
 
 
+def curve_text(v: ValueAtEnd) -> str:
+    """Median with the interval of the curve."""
+    return _interval_text(v.median, v.q05, v.q95)
+
+
 def value_text(v: ValueAtEnd) -> str:
     """Median with the interval of another run."""
-    if v.median is None:
+    return _interval_text(v.median, v.pred_q05, v.pred_q95)
+
+
+def _interval_text(median: float | None, low: float | None, high: float | None) -> str:
+    if median is None:
         return "-"
-    if v.pred_q05 is None or v.pred_q95 is None:
-        return f"{v.median:.4g}"
-    return "{} ({} to {})".format(*write_interval(v.median, v.pred_q05, v.pred_q95).plain)
+    if low is None or high is None:
+        return f"{median:.4g}"
+    return "{} ({} to {})".format(*write_interval(median, low, high).plain)
 
 
 def reach_lines(reach: ReachDocument) -> Iterator[str]:

@@ -14,6 +14,7 @@ from sma_bayes.runs.documents import SIMULATION
 from sma_bayes.runs.finished_run import read_finished
 from sma_bayes.studies.simulate.figures.course import course_figure
 from sma_bayes.studies.simulate.schema import SimulationDocument
+from sma_bayes.studies.simulate.terminal import with_starts
 
 EDGES = [0.0, 12.0, 24.0, 33.0, 60.0, 75.0, 110.0, 150.0]
 CURRENTS = [1.1, 0.6, 1.0, 0.66, 0.76, 0.68, 0.0]
@@ -126,6 +127,14 @@ def test_a_current_held_long_enough_ends_where_reach_says(heated_fit: Path, foun
     ]
     assert end["median"] == pytest.approx(0.02, abs=1e-4)
     assert end["q05"] < 0.02 < end["q95"]
+
+
+def test_starts_that_end_alike_are_told_once(found: Any) -> None:
+    cold, other = SimulationDocument.model_validate(found).runs
+    assert [start for _, start in with_starts([cold, cold.but(start="hot")])] == ["cold or hot"]
+    force = other.end["force"]
+    apart = other.but(end={**other.end, "force": force.but(median=1.1 * (force.median or 0.0) + 1.0)})
+    assert [start for _, start in with_starts([cold, apart])] == ["cold", "hot"]
 
 
 def test_what_no_current_within_the_measured_temperatures_gives_is_told(heated_fit: Path) -> None:
