@@ -93,7 +93,7 @@ def test_heated_and_cooled_as_scipy_does(name: str) -> None:
 def test_shorter_steps_give_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     profile = read_profile({"time_s": [0.0, 15.0, 25.0, 60.0], "current_A": [1.1, 0.5, 0.9, 0.9]})
     usual = follow(spring(), balance(latent=20.0), profile, Start("cold"))
-    for name in ("WARMED", "PASSED"):
+    for name in ("MAX_TEMPERATURE_STEP", "MAX_STEP_OF_LOSS"):
         monkeypatch.setattr(f"sma_bayes.studies.simulate.course.{name}", 0.02)
     fine = follow(spring(), balance(latent=20.0), profile, Start("cold"))
     assert np.max(np.abs(usual.temperature - fine.temperature)) < 0.05
