@@ -24,8 +24,10 @@ from sma_bayes.noise.information import Information
 
 GREATEST_INFORMATION = 1e14
 """Information about weights, in units of that of their prior, beyond which a point counts as impossible."""
-SCORING_STEPS = 6
-"""Steps of Fisher scoring to the likeliest weights under noise that is not normal."""
+MAX_STEPS = 40
+"""Steps to the likeliest weights under noise that is not normal, at most."""
+TOLERANCE = 1e-3
+"""Gain in log density that the next step promises, to first order, below which weights count as the likeliest."""
 LN_SIZE_GRID = np.linspace(-2.5, 2.5, 41)
 """Sizes over which is summed where a curve stands, in standard deviations of the logarithm about its median."""
 
@@ -79,15 +81,48 @@ class Whitened:
         return _Coupled(self, a, inverse, gram * (self.size[:, :, None] * self.size[:, None, :]))
 
     def _likeliest(self, weights: _Weights) -> Floats:
-        """Likeliest weights (W, m) in units of their prior."""
+        """Likeliest weights (W, m) in units of their prior.
+
+        Where the noise is not normal by conjugate gradients, the expected information their metric: the score of heavy
+        tails changes sign of slope, and Fisher's own steps go to and fro where many samples lie close to the curve.
+        """
         v = weights.solve(weights.project(weights.a))
         if self.noise.is_gaussian:
             return v
-        damping = self.noise.damping(self.shape)[:, None]
-        for _ in range(SCORING_STEPS):
-            left = self.noise.decorrelate(self.e - weights.series(v), self.shape, self.steps)
-            v = v + damping * weights.solve(weights.project(self.noise.score(left, self.shape)) - v)
+        noise, shape, steps = self.noise, self.shape, self.steps
+        left = noise.decorrelate(self.e - weights.series(v), shape, steps)
+        direction, before, gain_before = np.zeros_like(v), np.zeros_like(v), np.full(len(v), np.inf)
+        for _ in range(MAX_STEPS):
+            weight = noise.weight(left, shape)
+            gradient = weights.project(weight * left) - v
+            step = weights.solve(gradient)
+            gain = _dot(gradient, step)
+            going = gain > TOLERANCE
+            if not going.any():
+                break
+            turned = np.maximum(_dot(gradient, step - before) / gain_before, 0.0)
+            turned = np.where(_dot(gradient, direction) * turned > -gain, turned, 0.0)  # not downhill
+            direction = np.where(going[:, None], step + turned[:, None] * direction, 0.0)
+            moved = noise.decorrelate(weights.series(direction), shape, steps)
+            length = self._length(left, weight, moved, v, direction)[:, None]
+            v, left = v + length * direction, left - length * moved
+            before, gain_before = step, np.where(going, gain, np.inf)
         return v
+
+    def _length(self, left: Floats, weight: Floats, moved: Floats, v: Floats, direction: Floats) -> Floats:
+        """How far (W,) to go from weights `v` along `direction`, by which innovations `left` become less by `moved`.
+
+        To the top of the parabola that touches the log density and, where the noise is a mixture of normals, lies
+        nowhere above it; from there once more, or back by the rule of false position where that was too far.
+        """
+        own = _dot(direction, direction)
+        at_first = _dot(weight * left, moved) - _dot(v, direction)
+        length = at_first / _curvature(weight, moved, own)
+        left = left - length[:, None] * moved
+        weight = self.noise.weight(left, self.shape)
+        slope = _dot(weight * left, moved) - _dot(v, direction) - length * own
+        back = length * at_first / np.where(slope < 0.0, at_first - slope, 1.0)
+        return np.where(slope < 0.0, back, length + slope / _curvature(weight, moved, own))
 
     def marginal_log_density(self) -> Floats:
         """Log density (W,) of the residuals with the weights integrated out; exact where the noise is normal.
@@ -159,6 +194,12 @@ def safe_cholesky(information: Floats) -> tuple[Floats, NDArray[np.bool_]]:
         usable &= least > 1e-15 * np.einsum("wmm->w", matrix)
         matrix[~usable] = np.eye(matrix.shape[1])
         return np.asarray(np.linalg.cholesky(matrix)), usable
+
+
+def _curvature(weight: Floats, moved: Floats, own: Floats) -> Floats:
+    """Curvature (W,) along what moves innovations by `moved`; 1 where nothing does."""
+    found = _dot(np.maximum(weight, 0.0) * moved, moved) + own
+    return np.asarray(np.where(found > 0.0, found, 1.0))
 
 
 def _dot(a: Floats, b: Floats) -> Floats:
@@ -239,7 +280,15 @@ class _Coupled(_Weights):
         """The factors as (m, m, W): LAPACK has no triangles in batches, so each step is made for all at once."""
         return np.ascontiguousarray(np.moveaxis(self.root, 0, -1))
 
+    @cached_property
+    def _covariance(self) -> Floats:
+        """``(1 + H)**-1``, worth its time where a step after the other asks for it."""
+        inverse_root = np.linalg.inv(self.root)
+        return np.asarray(np.swapaxes(inverse_root, 1, 2) @ inverse_root)
+
     def solve(self, right: Floats) -> Floats:
+        if not self.whitened.noise.is_gaussian:
+            return np.asarray((self._covariance @ right[..., None])[..., 0])
         left, y = self._columns, right.T.copy()
         for k in range(len(y)):
             y[k] /= left[k, k]

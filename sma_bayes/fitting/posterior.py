@@ -650,11 +650,9 @@ class Posterior:
                 e = (r.observed[channel] - mean[channel]) / scale
                 gain = spread[:, None] * slope[channel] / scale
                 held = held + information[channel] * gain * gain
-                score = self.noise.score(e, shapes[channel])
-                pull = pull + gain * score
                 # iteratively reweighted: an outlying sample of a heavy-tailed noise hardly holds its temperature
-                far = np.abs(e) > 1e-3
-                weight = np.where(far, score / np.where(far, e, 1.0), information[channel])
+                weight = self.noise.weight(e, shapes[channel])
+                pull = pull + gain * weight * e
                 firm = firm + np.maximum(weight, 0.0) * gain * gain
                 if step == LATENT_STEPS:
                     densities[channel] = self.noise.log_density(e, shapes[channel], steps) - np.log(scale)

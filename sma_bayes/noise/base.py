@@ -18,6 +18,8 @@ ABSCISSAE: Floats = np.sinh(np.linspace(-12.0, 12.0, 801))
 """Innovations at which densities are tabulated whose integrals nobody has worked out; the middle one is zero."""
 RELATIVE_STEP = 1e-5
 """Step of the derivative of a log density, as a share of the innovation or of one."""
+NEAR = 1e-3
+"""Innovation below which a sample counts as there."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -181,9 +183,13 @@ class NoiseModel(ABC):
         rise = self.log_density(up, shape, steps) - self.log_density(down, shape, steps)
         return np.asarray(-rise / (up - down))
 
-    def damping(self, shape: Floats) -> Floats:
-        """Share of a step of Fisher scoring that is taken, shape (...); 1 by default."""
-        return np.ones(shape.shape[:-1])
+    def weight(self, innovation: Floats, shape: Floats) -> Floats:
+        """How much samples count: their score over what `decorrelate` leaves of them, shape (..., n).
+
+        1 for normal noise; less far out where tails are heavy.
+        """
+        at = np.where(np.abs(innovation) < NEAR, NEAR, innovation)
+        return np.asarray(self.score(at, shape) / at)
 
     def location_information(self, shape: Floats) -> Floats:
         """Fisher information of the location of one sample that `decorrelate` leaves, shape (...)."""

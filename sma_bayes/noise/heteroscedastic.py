@@ -75,8 +75,8 @@ class Wrapped(OfSeries):
     def score(self, innovation: Floats, shape: Floats) -> Floats:
         return self.series.score(innovation, shape)
 
-    def damping(self, shape: Floats) -> Floats:
-        return self.series.damping(shape)
+    def weight(self, innovation: Floats, shape: Floats) -> Floats:
+        return self.series.weight(innovation, shape)
 
     def location_information(self, shape: Floats) -> Floats:
         return self.series.location_information(shape)

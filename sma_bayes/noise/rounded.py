@@ -31,9 +31,6 @@ ROOT_HALF_PI, ROOT_HALF = float(np.sqrt(0.5 * np.pi)), float(np.sqrt(0.5))
 TABULATED_DECADES = (-3.0, 6.0)
 """Powers of ten between which the information is tabulated; beyond it goes on as at the ends."""
 PER_DECADE = 40
-SCORING_DAMPING = 1.8
-"""A step of Fisher scoring is damped to this over the ratio of the greatest curvature to the expected one: less than 2,
-from where it would diverge."""
 
 
 @dataclass(frozen=True)
@@ -76,9 +73,6 @@ class Rounded(NoiseModel):
     def location_information(self, shape: Floats) -> Floats:
         at, information = _information()
         return np.asarray(np.exp(np.interp(np.log10(np.maximum(shape[..., 0], 1e-300)), at, information)))
-
-    def damping(self, shape: Floats) -> Floats:
-        return np.minimum(1.0, SCORING_DAMPING * self.location_information(shape))
 
     def innovations(self, e: Floats, shape: Floats, steps: Steps) -> Floats:
         h = np.maximum(shape[..., 0, None], INVISIBLE_STEP)

@@ -79,8 +79,11 @@ class StudentTNoise(OfSeries):
         return np.asarray(density)
 
     def score(self, innovation: Floats, shape: Floats) -> Floats:
+        return self.weight(innovation, shape) * innovation
+
+    def weight(self, innovation: Floats, shape: Floats) -> Floats:
         nu = self._nu(shape)
-        return np.asarray((nu + 1.0) * innovation / (nu + innovation * innovation))
+        return np.asarray((nu + 1.0) / (nu + innovation * innovation))
 
     def location_information(self, shape: Floats) -> Floats:
         nu = self._nu(shape)[..., 0]

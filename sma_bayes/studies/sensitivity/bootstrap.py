@@ -41,8 +41,6 @@ MAX_ROUNDS: Final = 30
 """Fits after which what readings count is taken as it is."""
 WEIGHT_TOLERANCE: Final = 0.01
 """Change of the root of what a reading counts that is none [1]."""
-SMALL_INNOVATION: Final = 1e-3
-"""Standardised innovations below which the weight of a reading is that of its location [1]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -154,10 +152,7 @@ class _PenalisedSquares:
         found = {}
         for channel, e in replace(self, firm=self._ones).innovations_of(x).items():
             shape = self._shape(channel)
-            held = noise.location_information(shape)[:, None]
-            far = np.abs(e) > SMALL_INNOVATION
-            with np.errstate(all="ignore"):
-                counts = np.where(far, noise.score(e, shape) / np.where(far, e, 1.0), held)
+            counts = noise.weight(e, shape)
             found[channel] = np.sqrt(np.maximum(counts, 0.0) * noise.likelihood_weight(shape)[:, None])[0]
         return found
 

@@ -4,9 +4,10 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
-from scipy import stats
+from scipy import optimize, stats
 from scipy.special import logsumexp
 
+from sma_bayes.arrays import Floats
 from sma_bayes.fitting.discrepancy import NODES, DiscrepancyBasis, build_basis, nodes_of
 from sma_bayes.fitting.discrepancy_weights import Whitened, safe_cholesky
 from sma_bayes.noise import NOISE_MODELS, Steps
@@ -220,6 +221,44 @@ def test_heavy_tails_are_integrated_as_by_quadrature(name: str, size: float) -> 
     joint = joint + stats.norm(0.0, size).logpdf(grid).sum(axis=1)
     expected = logsumexp(joint) + 2.0 * np.log(side[1] - side[0])
     assert w.marginal_log_density()[0] == pytest.approx(expected, abs=0.15)
+
+
+@pytest.mark.parametrize(
+    ("name", "shape"),
+    [
+        ("student_t", [1.3]),
+        ("student_t", [3.0]),
+        ("student_t", [40.0]),
+        ("ar1_student_t", [0.84, 1.3]),
+        ("ar1_student_t", [0.84, 3.0]),
+        ("rounded", [0.3]),
+        ("rounded", [6.0]),
+    ],
+)
+@pytest.mark.parametrize("seed", range(3))
+def test_the_likeliest_weights_are_the_likeliest(name: str, shape: list[float], seed: int) -> None:
+    """As a minimiser that shares nothing with it finds them, where half of the samples lie on one curve exactly."""
+    rng = np.random.default_rng(seed)
+    scatter = stats.t(2.0).rvs(N, random_state=rng) if name != "rounded" else rng.standard_normal(N)
+    e = np.where(rng.random(N) < 0.5, 0.0, scatter) + rng.standard_normal(BASIS.count) @ BASIS.rows
+    size = 0.7
+    w = Whitened(
+        NOISE_MODELS[name],
+        np.array([shape]),
+        steps(),
+        e[None],
+        np.ones((1, 1)),
+        BASIS.rows,
+        np.full((1, 1), size),
+    )
+
+    def value(v: Floats) -> float:
+        left = w.e - size * v @ w.rows
+        return float(w.noise.total_log_density(left, w.shape, w.steps)[0] - 0.5 * v @ v)
+
+    found = w.likeliest_weights()[0] / size
+    best = optimize.minimize(lambda v: -value(v), found, method="BFGS", options={"gtol": 1e-4})
+    assert value(found) > -best.fun - 3e-3
 
 
 @pytest.mark.parametrize("name", [*SHAPES, "student_t"])
