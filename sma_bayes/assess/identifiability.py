@@ -8,7 +8,7 @@ from pydantic import Field
 from sma_bayes.arrays import Floats
 from sma_bayes.document_part import DocumentPart, NumberOrNull
 from sma_bayes.fitting.fit import Fit
-from sma_bayes.parameters.transforms import Logit
+from sma_bayes.parameters.transforms import Probit
 
 IDENTIFIED = 0.9
 """Contraction from which a parameter counts as identified: its variance is a tenth of the prior's or less."""
@@ -35,7 +35,7 @@ def contraction(fit: Fit) -> Floats:
     slices = (np.arange(2000) + 0.5) / 2000
     for i, parameter in enumerate(space.free):
         transform = parameter.prior.transform
-        if isinstance(transform, Logit):  # near a bound the logit stretches what is a narrow interval
+        if isinstance(transform, Probit):  # near a bound the probit stretches what is a narrow interval
             out[i] = 1.0 - transform.constrain(z[:, i]).var() / parameter.prior.quantile(slices).var()
     return np.asarray(out)
 
@@ -53,7 +53,7 @@ def free_directions(fit: Fit) -> tuple[Direction, ...]:
 
 
 def _combination(vector: Floats, fit: Fit) -> str:
-    words = {"Log": "ln {}", "Logit": "logit {}", "Identity": "{}"}
+    words = {"Log": "ln {}", "Probit": "probit {}", "Identity": "{}"}
     terms = [
         f"{'-' if value < 0 else '+'} {abs(value):.2f} {words[type(p.prior.transform).__name__].format(p.name)}"
         for value, p in zip(vector, fit.posterior.space.free, strict=True)

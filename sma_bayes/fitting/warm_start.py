@@ -284,7 +284,7 @@ def _direction(vector: Floats, names: tuple[str, ...], posterior: Posterior) -> 
     for value, name, parameter in zip(vector, names, posterior.space.free, strict=False):
         if abs(value) >= 0.1:
             kind = type(parameter.prior.transform).__name__
-            label = {"Log": f"ln {name}", "Logit": f"logit {name}"}.get(kind, name)
+            label = {"Log": f"ln {name}", "Probit": f"probit {name}"}.get(kind, name)
             terms.append(f"{'-' if value < 0 else '+'} {abs(value):.2f} {label}")
     return " ".join(terms).removeprefix("+ ")
 

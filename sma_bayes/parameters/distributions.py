@@ -18,7 +18,7 @@ from sma_bayes.arrays import Floats
 from sma_bayes.catalogue import Catalogue
 from sma_bayes.errors import PriorError
 from sma_bayes.normal import HALF_LN_2PI
-from sma_bayes.parameters.transforms import Identity, Log, Logit, Transform
+from sma_bayes.parameters.transforms import Identity, Log, Probit, Transform
 
 LEAST_DF = 0.25
 """Degrees of freedom below which draws of Student's t are beyond what floating-point numbers can be reckoned with."""
@@ -192,7 +192,7 @@ class Gamma:
 
 @dataclass(frozen=True, slots=True)
 class Uniform:
-    """Uniform distribution on an interval, sampled as its logit."""
+    """Uniform distribution on an interval, sampled as its probit."""
 
     low: float
     high: float
@@ -205,7 +205,7 @@ class Uniform:
 
     @property
     def transform(self) -> Transform:
-        return Logit(self.low, self.high)
+        return Probit(self.low, self.high)
 
     def log_density(self, x: Floats) -> Floats:
         inside = (np.asarray(x) >= self.low) & (np.asarray(x) <= self.high)
@@ -220,7 +220,7 @@ class Uniform:
 
 @dataclass(frozen=True, slots=True)
 class TruncatedNormal:
-    """Normal distribution kept between two bounds, sampled as its logit."""
+    """Normal distribution kept between two bounds, sampled as its probit."""
 
     mean: float
     sd: float
@@ -234,7 +234,7 @@ class TruncatedNormal:
 
     @property
     def transform(self) -> Transform:
-        return Logit(self.low, self.high)
+        return Probit(self.low, self.high)
 
     def _bounds(self) -> tuple[float, float, float]:
         a, b = (self.low - self.mean) / self.sd, (self.high - self.mean) / self.sd
@@ -297,7 +297,7 @@ class StudentT:
 
 @dataclass(frozen=True, slots=True)
 class Beta:
-    """Beta distribution stretched to an interval, sampled as its logit."""
+    """Beta distribution stretched to an interval, sampled as its probit."""
 
     a: float
     b: float
@@ -311,7 +311,7 @@ class Beta:
 
     @property
     def transform(self) -> Transform:
-        return Logit(self.low, self.high)
+        return Probit(self.low, self.high)
 
     def log_density(self, x: Floats) -> Floats:
         width = self.high - self.low

@@ -7,9 +7,10 @@ from dataclasses import dataclass
 from typing import Protocol
 
 import numpy as np
-from scipy.special import expit, log_expit
+from scipy.special import ndtr, ndtri
 
 from sma_bayes.arrays import Floats
+from sma_bayes.normal import HALF_LN_2PI
 
 
 class Transform(Protocol):
@@ -60,19 +61,25 @@ class Log:
 
 
 @dataclass(frozen=True, slots=True)
-class Logit:
-    """``x = low + (high - low)/(1 + exp(-z))``."""
+class Probit:
+    """``x = low + (high - low) Phi(z)``, `Phi` the standard normal distribution function.
+
+    A posterior that piles up at a bound falls off beyond like a normal distribution, where it would go on like an
+    exponential one in the logit.
+    """
 
     low: float
     high: float
 
     def constrain(self, z: Floats) -> Floats:
-        return np.asarray(self.low + (self.high - self.low) * expit(z))
+        return np.asarray(self.low + (self.high - self.low) * ndtr(z))
 
     def unconstrain(self, x: Floats) -> Floats:
-        x = np.asarray(x)
-        with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(np.log((x - self.low) / (self.high - x)))
+        x, width = np.asarray(x), self.high - self.low
+        below, above = (x - self.low) / width, (self.high - x) / width
+        nearer = ndtri(np.minimum(below, above))  # from the nearer bound, for its digits
+        return np.asarray(np.where(below < above, nearer, -nearer))
 
     def log_jacobian(self, z: Floats) -> Floats:
-        return np.asarray(math.log(self.high - self.low) + log_expit(z) + log_expit(-np.asarray(z)))
+        z = np.asarray(z, dtype=float)
+        return np.asarray(math.log(self.high - self.low) - HALF_LN_2PI - 0.5 * z * z)

@@ -8,10 +8,10 @@ from hypothesis import given, strategies as st
 
 from sma_bayes.parameters.distributions import Beta, Gamma, LogNormal, Normal, StudentT, Uniform
 from sma_bayes.parameters.space import Parameter, ParameterSpace
-from sma_bayes.parameters.transforms import Identity, Log, Logit, Transform
+from sma_bayes.parameters.transforms import Identity, Log, Probit, Transform
 
 bounds = st.floats(-1e3, 1e3).flatmap(
-    lambda low: st.floats(1e-3, 1e3).map(lambda width: Logit(low, low + width))
+    lambda low: st.floats(1e-3, 1e3).map(lambda width: Probit(low, low + width))
 )
 transforms = st.one_of(st.just(Identity()), st.sampled_from([Log(1.0), Log(-1.0)]), bounds)
 coordinates = st.lists(st.floats(-12.0, 12.0), min_size=1, max_size=5).map(np.array)
@@ -20,7 +20,7 @@ coordinates = st.lists(st.floats(-12.0, 12.0), min_size=1, max_size=5).map(np.ar
 @given(transform=transforms, z=coordinates)
 def test_there_and_back(transform: Transform, z: np.ndarray) -> None:
     x = transform.constrain(z)
-    if isinstance(transform, Logit):  # next to a bound far from zero a double has few digits left
+    if isinstance(transform, Probit):  # next to a bound far from zero a double has few digits left
         spare = np.minimum(x - transform.low, transform.high - x)
         z = z[spare > 1e-9 * max(abs(transform.low), abs(transform.high))]
         x = transform.constrain(z)
@@ -32,10 +32,10 @@ def test_the_jacobian_is_the_derivative(transform: Transform, z: np.ndarray) -> 
     h = 1e-4
     scale = 1.0
     if isinstance(
-        transform, Logit
+        transform, Probit
     ):  # measured from the nearer bound, so that digits of the bound do not matter
         scale = transform.high - transform.low
-        transform = Logit(0.0, scale)
+        transform = Probit(0.0, scale)
         z = -np.abs(z)
     slope = (transform.constrain(z + h) - transform.constrain(z - h)) / (2.0 * h)
     np.testing.assert_allclose(np.log(np.abs(slope)), transform.log_jacobian(z), rtol=1e-7, atol=1e-6)
@@ -47,13 +47,13 @@ def test_a_logarithm_keeps_the_sign(z: np.ndarray, sign: float) -> None:
 
 
 @given(transform=bounds, z=coordinates)
-def test_an_interval_is_never_left(transform: Logit, z: np.ndarray) -> None:
+def test_an_interval_is_never_left(transform: Probit, z: np.ndarray) -> None:
     x = transform.constrain(100.0 * z)
     assert np.all((x >= transform.low) & (x <= transform.high))
 
 
 @pytest.mark.parametrize(
-    ("transform", "outside"), [(Log(1.0), -1.0), (Log(-1.0), 1.0), (Logit(2.0, 3.0), 1.0), (Logit(2.0, 3.0), 4.0)]
+    ("transform", "outside"), [(Log(1.0), -1.0), (Log(-1.0), 1.0), (Probit(2.0, 3.0), 1.0), (Probit(2.0, 3.0), 4.0)]
 )  # fmt: skip
 def test_outside_the_support_there_is_no_coordinate(transform: Transform, outside: float) -> None:
     assert not np.isfinite(transform.unconstrain(np.array(outside)))

@@ -77,7 +77,7 @@ def sensitivity(
     Notes
     -----
     Sensitivities are those of Kallioinen et al. (2024), as arviz-stats computes them from the draws; priors are
-    densities of the sampled coordinates: of the logarithm of a parameter that has a sign, of the logit of one that has
+    densities of the sampled coordinates: of the logarithm of a parameter that has a sign, of the probit of one that has
     bounds.
     """
     work = RunContext(SENSITIVITY, jobs, figures_for(figures), progress or silent, account or Account())
