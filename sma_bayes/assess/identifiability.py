@@ -53,9 +53,8 @@ def free_directions(fit: Fit) -> tuple[Direction, ...]:
 
 
 def _combination(vector: Floats, fit: Fit) -> str:
-    words = {"Log": "ln {}", "Probit": "probit {}", "Identity": "{}"}
     terms = [
-        f"{'-' if value < 0 else '+'} {abs(value):.2f} {words[type(p.prior.transform).__name__].format(p.name)}"
+        f"{'-' if value < 0 else '+'} {abs(value):.2f} {p.prior.transform.label(p.name)}"
         for value, p in zip(vector, fit.posterior.space.free, strict=True)
         if abs(value) >= 0.1
     ]

@@ -283,9 +283,9 @@ def _direction(vector: Floats, names: tuple[str, ...], posterior: Posterior) -> 
     terms = []
     for value, name, parameter in zip(vector, names, posterior.space.free, strict=False):
         if abs(value) >= 0.1:
-            kind = type(parameter.prior.transform).__name__
-            label = {"Log": f"ln {name}", "Probit": f"probit {name}"}.get(kind, name)
-            terms.append(f"{'-' if value < 0 else '+'} {abs(value):.2f} {label}")
+            terms.append(
+                f"{'-' if value < 0 else '+'} {abs(value):.2f} {parameter.prior.transform.label(name)}"
+            )
     return " ".join(terms).removeprefix("+ ")
 
 

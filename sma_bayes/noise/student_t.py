@@ -101,7 +101,7 @@ class StudentTNoise(OfSeries):
         first = self.series.estimate(residual, steps)  # the memory is told nearly as well with light tails
         with np.errstate(divide="ignore", invalid="ignore"):
             a = self.series.decorrelate(residual, first[1:], steps)
-        nu = np.array([1.5, 2.0, 3.0, 4.0, 6.0, 10.0, 20.0, 50.0, 200.0])[:, None]
+        nu = np.array([2.1, 2.5, 3.0, 4.0, 6.0, 10.0, 20.0, 50.0, 200.0])[:, None]
         variance = np.full(nu.shape, np.mean(a**2))
         for _ in range(50):  # expectation-maximisation for the scale, at each number of degrees of freedom
             weight = (nu + 1.0) / (nu + a**2 / variance)

@@ -162,32 +162,34 @@ class HalfNormal:
 
 @dataclass(frozen=True, slots=True)
 class Gamma:
-    """Gamma distribution with density proportional to ``x**(shape-1) exp(-x/scale)``, sampled as its logarithm."""
+    """Gamma distribution beyond `low`: ``(x-low)**(shape-1) exp(-(x-low)/scale)``, sampled as ``ln(x - low)``."""
 
     shape: float
     scale: float
+    low: float = 0.0
 
     def __post_init__(self) -> None:
         _positive("shape", self.shape)
         _positive("scale", self.scale)
+        _finite("low", self.low)
 
     @property
     def transform(self) -> Transform:
-        return Log(1.0)
+        return Log(1.0, self.low)
 
     def log_density(self, x: Floats) -> Floats:
-        x = np.asarray(x)
+        x = np.asarray(x) - self.low
         with np.errstate(divide="ignore", invalid="ignore"):
             value = (self.shape - 1.0) * np.log(x / self.scale) - x / self.scale
         value = value - math.log(self.scale) - gammaln(self.shape)
         return np.where(x > 0.0, value, -np.inf)
 
     def quantile(self, p: Floats) -> Floats:
-        return np.asarray(self.scale * gammaincinv(self.shape, p))
+        return np.asarray(self.low + self.scale * gammaincinv(self.shape, p))
 
     def rescaled(self, scale: float, shift: float = 0.0) -> Gamma:
         _no_shift("gamma", shift)
-        return Gamma(self.shape, scale * self.scale)
+        return Gamma(self.shape, scale * self.scale, scale * self.low)
 
 
 @dataclass(frozen=True, slots=True)

@@ -28,6 +28,10 @@ class Transform(Protocol):
         """Natural logarithm of ``|dx/dz|`` at `z`."""
         ...
 
+    def label(self, name: str) -> str:
+        """Sampled coordinate of a parameter of that name, for people."""
+        ...
+
 
 @dataclass(frozen=True, slots=True)
 class Identity:
@@ -42,22 +46,29 @@ class Identity:
     def log_jacobian(self, z: Floats) -> Floats:
         return np.zeros_like(z)
 
+    def label(self, name: str) -> str:
+        return name
+
 
 @dataclass(frozen=True, slots=True)
 class Log:
-    """``x = sign * exp(z)``."""
+    """``x = bound + sign * exp(z)``."""
 
     sign: float = 1.0
+    bound: float = 0.0
 
     def constrain(self, z: Floats) -> Floats:
-        return np.asarray(self.sign * np.exp(z))
+        return np.asarray(self.bound + self.sign * np.exp(z))
 
     def unconstrain(self, x: Floats) -> Floats:
         with np.errstate(divide="ignore", invalid="ignore"):
-            return np.asarray(np.log(self.sign * np.asarray(x)))
+            return np.asarray(np.log(self.sign * (np.asarray(x) - self.bound)))
 
     def log_jacobian(self, z: Floats) -> Floats:
         return np.asarray(z, dtype=float)
+
+    def label(self, name: str) -> str:
+        return f"ln({name} - {self.bound:g})" if self.bound else f"ln {name}"
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,3 +94,6 @@ class Probit:
     def log_jacobian(self, z: Floats) -> Floats:
         z = np.asarray(z, dtype=float)
         return np.asarray(math.log(self.high - self.low) - HALF_LN_2PI - 0.5 * z * z)
+
+    def label(self, name: str) -> str:
+        return f"probit {name}"

@@ -133,6 +133,6 @@ def _record(summary: RecordSummary, stored: StoredRecord) -> Record:
 
 def _parameter(name: str, stated: ParameterSummary) -> Parameter:
     kind = FAMILIES[str(stated.prior["family"])]
-    prior = kind(**{f.name: stated.prior[f.name] for f in fields(kind)})
+    prior = kind(**{f.name: stated.prior[f.name] for f in fields(kind) if f.name in stated.prior})
     fixed = stated.median if stated.fixed else None
     return Parameter(name, stated.unit, stated.meaning, prior, str(stated.prior["source"]), fixed)

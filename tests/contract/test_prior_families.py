@@ -49,6 +49,7 @@ EXAMPLES = {
     "gamma": [
         (Gamma(2.0, 10.0), stats.gamma(2.0, scale=10.0)),
         (Gamma(0.4, 1e-3), stats.gamma(0.4, scale=1e-3)),
+        (Gamma(2.0, 10.0, 2.0), stats.gamma(2.0, loc=2.0, scale=10.0)),
     ],
     "uniform": [(Uniform(-1.0, 1.0), stats.uniform(-1.0, 2.0)), (Uniform(20.0, 90.0), stats.uniform(20.0, 70.0))],
     "truncated_normal": [

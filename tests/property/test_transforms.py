@@ -13,7 +13,7 @@ from sma_bayes.parameters.transforms import Identity, Log, Probit, Transform
 bounds = st.floats(-1e3, 1e3).flatmap(
     lambda low: st.floats(1e-3, 1e3).map(lambda width: Probit(low, low + width))
 )
-transforms = st.one_of(st.just(Identity()), st.sampled_from([Log(1.0), Log(-1.0)]), bounds)
+transforms = st.one_of(st.just(Identity()), st.sampled_from([Log(1.0), Log(-1.0), Log(1.0, 2.0)]), bounds)
 coordinates = st.lists(st.floats(-12.0, 12.0), min_size=1, max_size=5).map(np.array)
 
 
@@ -53,7 +53,8 @@ def test_an_interval_is_never_left(transform: Probit, z: np.ndarray) -> None:
 
 
 @pytest.mark.parametrize(
-    ("transform", "outside"), [(Log(1.0), -1.0), (Log(-1.0), 1.0), (Probit(2.0, 3.0), 1.0), (Probit(2.0, 3.0), 4.0)]
+    ("transform", "outside"),
+    [(Log(1.0), -1.0), (Log(-1.0), 1.0), (Log(1.0, 2.0), 1.9), (Probit(2.0, 3.0), 1.0), (Probit(2.0, 3.0), 4.0)],
 )  # fmt: skip
 def test_outside_the_support_there_is_no_coordinate(transform: Transform, outside: float) -> None:
     assert not np.isfinite(transform.unconstrain(np.array(outside)))
