@@ -132,9 +132,11 @@ def choose_noise(
     specimen, and where the curve fails in one of them the other, in more noise, is no better known. Before another
     series a discrepancy counts as a memory does. Where records have several sweeps all of this is done once more with
     what each sweep has of its own beside the discrepancy, which is taken where it gains `LEAST_LN_EVIDENCE_GAIN`.
-    Growth and an error of the thermometer take no part in that, on neither side: they follow the common curve, would
-    tell where it lies by how the noise of sweeps changes that lie elsewhere, and sweeps that are shifted scatter most
-    where the curve is steep, which is what an error of the thermometer does to readings.
+    Heavy tails, growth and an error of the thermometer take no part in that, on neither side. Under heavy tails the
+    readings of a sweep that differs pass for outliers, or those of the others do, and each way is a mode that Laplace's
+    method does not see beyond. The others follow the common curve, would tell where it lies by how the noise of sweeps
+    changes that lie elsewhere, and sweeps that are shifted scatter most where the curve is steep, which is what an
+    error of the thermometer does to readings.
 
     Parameters
     ----------
@@ -167,7 +169,8 @@ def _chosen(residuals: _Residuals, noise: str | None) -> tuple[NoiseChoice, floa
     -------
     NoiseChoice
     supported : float
-        How well the best series alone does, without growth or an error of the thermometer, or else the chosen model.
+        How well the best normal series alone does, without growth or an error of the thermometer; the chosen model
+        where it was not chosen among all.
     """
     posterior = residuals.posterior
     found: dict[str, _Description] = {}
@@ -189,7 +192,7 @@ def _chosen(residuals: _Residuals, noise: str | None) -> tuple[NoiseChoice, floa
         look(best)
         found = {best: found[best]}  # a density that need not be finite where readings repeat is no rival
     elif noise is None:
-        signs = residuals.signs(look(SIMPLEST))
+        signs, apart = residuals.signs(look(SIMPLEST)), _sweeps_apart(residuals.bases)
         names = [
             name
             for name, model in NOISE_MODELS.items()
@@ -197,12 +200,12 @@ def _chosen(residuals: _Residuals, noise: str | None) -> tuple[NoiseChoice, floa
             and not model.stands_alone
             and (not model.needs_time or all(_uneven(s) for s in posterior.steps))
             and (signs.memory or not model.autocorrelated)
-            and (model.is_gaussian or signs.tails)
+            and (model.is_gaussian or (signs.tails and not apart))
         ]
         best = max(
             names, key=lambda n: look(n).supported - LEAST_LN_EVIDENCE_GAIN * _features(NOISE_MODELS[n])
         )
-        series_alone = look(best).supported
+        series_alone = max(look(n).supported for n in names if NOISE_MODELS[n].is_gaussian)
         signs = signs.joined(residuals.signs(look(best)))
         for suffix, sign in (("growing", signs.growth), ("temperature_error", signs.slope)):
             if not sign or _sweeps_apart(residuals.bases):

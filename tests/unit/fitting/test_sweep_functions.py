@@ -175,6 +175,17 @@ def test_sweeps_that_differ_are_described_as_such(fit: Fit) -> None:
     assert 4e-4 < found < 2.4e-3  # an offset of 0.6 mm, 1.2 mm of stroke and 1.9 mm where it is steepest
 
 
+@pytest.mark.parametrize("apart", [0.0, 2.0])
+def test_heavy_tails_are_sought_only_where_sweeps_are_alike(apart: float) -> None:
+    """Student's t with two degrees of freedom, of a tenth of what sweeps differ by."""
+    record = measured(1, apart=apart)
+    x = record.observed["displacement"] + 1e-4 * np.random.default_rng(5).standard_t(2.0, record.n)
+    choice = fit_records([replace(record, observed={"displacement": x})], DEFAULT).noise_choice
+    assert choice is not None
+    assert NOISE_MODELS[choice.name].is_gaussian == (apart > 0.0)
+    assert ("what each sweep has of its own" in choice.reason) == (apart > 0.0)
+
+
 def test_readings_of_a_sweep_have_the_density_of_the_sweep(fit: Fit) -> None:
     """Where nothing else stands beside the curve the densities of readings add up to the likelihood."""
     posterior, theta = fit.posterior, fit.flat[::2000]
