@@ -21,7 +21,7 @@ from sma_bayes.parameters.scales import RecordScales
 SHAPES: dict[str, tuple[tuple[float, ...], ...]] = {
     "ar1": ((0.6,), (-0.4,), (0.97,), (0.0,)),
     "ar1_time": ((3.0,), (0.3,), (200.0,)),
-    "student_t": ((4.0,), (1.5,), (80.0,)),
+    "student_t": ((4.0,), (2.2,), (80.0,)),
     "ar1_student_t": ((0.6, 4.0), (-0.4, 80.0), (0.95, 3.0)),
     "ar1_time_student_t": ((3.0, 4.0), (0.3, 80.0), (100.0, 3.0)),
     "effective_samples": ((3.0,), (1.0,), (40.0,)),
