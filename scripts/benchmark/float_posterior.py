@@ -17,7 +17,7 @@ from sma_bayes.arrays import Floats
 from sma_bayes.fitting.posterior import Posterior
 from sma_bayes.parameters.distributions import LogNormal, Normal, Uniform
 
-HALF_LN_2PI = 0.5 * math.log(2.0 * math.pi)
+HALF_LN_2PI, ROOT_HALF = 0.5 * math.log(2.0 * math.pi), math.sqrt(0.5)
 
 
 class FloatPosterior:
@@ -153,10 +153,8 @@ def _scale(prior: object) -> Callable[[float], tuple[float, float]]:
     if isinstance(prior, Uniform):
         low, width = prior.low, prior.high - prior.low
 
-        def logit(z: float) -> tuple[float, float]:
-            share = 1.0 / (1.0 + math.exp(-abs(z)))
-            inside = share if z > 0 else 1.0 - share
-            return low + width * inside, math.log(share) + math.log1p(-share)
+        def probit(z: float) -> tuple[float, float]:
+            return low + 0.5 * width * math.erfc(-z * ROOT_HALF), -HALF_LN_2PI - 0.5 * z * z
 
-        return logit
+        return probit
     raise ValueError(f"{prior!r} is not written out")

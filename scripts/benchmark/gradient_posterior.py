@@ -1,8 +1,9 @@
 """The log-posterior of one record in terms that JAX and PyTensor can differentiate and compile.
 
 Written once, for a module `xp` that offers `exp`, `log`, `log1p`, `where` and arithmetic: `jax.numpy` or
-`pytensor.tensor`. Everything that belongs to a record is handed over as an array of a shape that is the same for all
-records, so that one compilation serves a whole campaign; samples beyond the end of a record have weight zero.
+`pytensor.tensor`, and for its error function. Everything that belongs to a record is handed over as an array of a shape
+that is the same for all records, so that one compilation serves a whole campaign; samples beyond the end of a record
+have weight zero.
 """
 
 from __future__ import annotations
@@ -17,7 +18,7 @@ from sma_bayes.arrays import Floats
 from sma_bayes.fitting.posterior import Posterior
 from sma_bayes.parameters.distributions import LogNormal, Normal, Uniform
 
-HALF_LN_2PI = 0.5 * math.log(2.0 * math.pi)
+HALF_LN_2PI, ROOT_HALF = 0.5 * math.log(2.0 * math.pi), math.sqrt(0.5)
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +35,7 @@ class Form:
     logarithmic : tuple of bool
         Which parameters are sampled as logarithms.
     bounded : tuple of bool
-        Which are sampled as logits, with a uniform prior.
+        Which are sampled as probits, with a uniform prior.
     """
 
     names: tuple[str, ...]
@@ -99,15 +100,14 @@ def numbers(posterior: Posterior, length: int) -> dict[str, Floats]:
     }
 
 
-def log_prob(xp: Any, form: Form, z: Any, data: dict[str, Any]) -> Any:
+def log_prob(xp: Any, erf: Any, form: Form, z: Any, data: dict[str, Any]) -> Any:
     """Log of the unnormalised posterior density at one point ``z`` (D,)."""
     theta, total = {}, 0.0
     for i, name in enumerate(form.names):
         first, second = data["first_of_prior"][i], data["second_of_prior"][i]
         if form.bounded[i]:
-            share = 1.0 / (1.0 + xp.exp(-z[i]))
-            theta[name] = first + second * share
-            total = total - z[i] - 2.0 * xp.log1p(xp.exp(-z[i]))
+            theta[name] = first + 0.5 * second * (1.0 + erf(z[i] * ROOT_HALF))
+            total = total - 0.5 * z[i] ** 2 - HALF_LN_2PI
         else:
             total = total - 0.5 * ((z[i] - first) / second) ** 2 - xp.log(second) - HALF_LN_2PI
             theta[name] = data["sign"][i] * xp.exp(z[i]) if form.logarithmic[i] else z[i]

@@ -53,7 +53,7 @@ def _given(problem: Problem) -> tuple[Form, dict[str, Floats]]:
 @cache
 def _compiled(form: Form) -> Any:
     jax = _jax()
-    return jax.jit(lambda z, data: log_prob(jax.numpy, form, z, data))
+    return jax.jit(lambda z, data: log_prob(jax.numpy, jax.lax.erf, form, z, data))
 
 
 class NumPyro:
@@ -99,7 +99,7 @@ def _numpyro(form: Form) -> Any:
     jax = _jax()
 
     def potential(data: dict[str, Any]) -> Any:
-        return lambda z: -log_prob(jax.numpy, form, z, data)
+        return lambda z: -log_prob(jax.numpy, jax.lax.erf, form, z, data)
 
     init, kernel = hmc(potential_fn_gen=potential, algo="NUTS")
 
@@ -175,7 +175,7 @@ def _blackjax(form: Form) -> Any:
     jax = _jax()
 
     def density(x: Any, centre: Any, root: Any, data: dict[str, Any]) -> Any:
-        return log_prob(jax.numpy, form, centre + root @ x, data)
+        return log_prob(jax.numpy, jax.lax.erf, form, centre + root @ x, data)
 
     @jax.jit
     def begin(x: Any, centre: Any, root: Any, data: dict[str, Any]) -> Any:

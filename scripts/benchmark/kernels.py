@@ -11,7 +11,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from benchmark.gradient_posterior import HALF_LN_2PI, Form, numbers
+from benchmark.gradient_posterior import HALF_LN_2PI, ROOT_HALF, Form, numbers
 
 from sma_bayes.arrays import Floats
 from sma_bayes.fitting.posterior import Posterior
@@ -129,8 +129,8 @@ def _compiled_loop() -> Any:
             for i in range(d):
                 x = z[w, i]
                 if kind[i] == 2:
-                    theta[i] = first[i] + second[i] / (1.0 + math.exp(-x))
-                    total -= x + 2.0 * math.log1p(math.exp(-x))
+                    theta[i] = first[i] + 0.5 * second[i] * math.erfc(-x * ROOT_HALF)
+                    total -= 0.5 * x * x + HALF_LN_2PI
                 else:
                     u = (x - first[i]) / second[i]
                     total -= 0.5 * u * u + math.log(second[i]) + HALF_LN_2PI

@@ -13,7 +13,7 @@ import numpy as np
 from benchmark.gradient_posterior import Form, numbers
 from benchmark.problems import Problem
 from benchmark.progress import GROUPS, Progress, Settings
-from scipy.special import logit, ndtri
+from scipy.special import ndtri
 
 from sma_bayes.arrays import Floats
 from sma_bayes.sampling.weighted import Weights, resampled
@@ -32,7 +32,7 @@ def cube(problem: Problem) -> Callable[[Floats], Floats]:
 
     def transform(u: Floats) -> Floats:
         u = np.clip(u, 1e-300, 1.0 - 1e-16)
-        return np.asarray(np.where(bounded, logit(u), first + second * ndtri(u)))
+        return np.asarray(np.where(bounded, ndtri(u), first + second * ndtri(u)))
 
     return transform
 

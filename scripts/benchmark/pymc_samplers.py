@@ -117,7 +117,7 @@ def _model(form: Form, length: int) -> Any:
     with pymc.Model() as model:
         data = {name: pymc.Data(name, np.ones(size)) for name, size in shapes.items()}
         z = pymc.Flat("z", shape=dimension)
-        pymc.Potential("log_prob", log_prob(pt, form, z, data))
+        pymc.Potential("log_prob", log_prob(pt, pt.erf, form, z, data))
     return model
 
 
