@@ -18,8 +18,8 @@ ABSCISSAE: Floats = np.sinh(np.linspace(-12.0, 12.0, 801))
 """Innovations at which densities are tabulated whose integrals nobody has worked out; the middle one is zero."""
 RELATIVE_STEP = 1e-5
 """Step of the derivative of a log density, as a share of the innovation or of one."""
-NEAR = 1e-3
-"""Innovation below which a sample counts as there."""
+SMALL_INNOVATION = 1e-3
+"""Innovation below which a sample weighs as one that is so far off."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -188,7 +188,7 @@ class NoiseModel(ABC):
 
         1 for normal noise; less far out where tails are heavy.
         """
-        at = np.where(np.abs(innovation) < NEAR, NEAR, innovation)
+        at = np.where(np.abs(innovation) < SMALL_INNOVATION, SMALL_INNOVATION, innovation)
         return np.asarray(self.score(at, shape) / at)
 
     def location_information(self, shape: Floats) -> Floats:
