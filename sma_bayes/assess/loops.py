@@ -58,9 +58,8 @@ def loop_quantities(heating: Fit, cooling: Fit, records: tuple[int, int] = (0, 0
     """Hysteresis width and loop area of one condition.
 
     The width is the distance of the temperatures at which the curves are half-way (`middle_temperatures`), heating less
-    cooling; the area is the integral of heating less
-    cooling over the temperatures that both branches cover. The posteriors of the two branches are independent,
-    so their draws are paired as they come.
+    cooling; the area is the integral of heating less cooling over the temperatures that both branches cover. The
+    posteriors of the two branches are independent, so their draws are paired as they come.
     """
     h, c = heating.records[records[0]], cooling.records[records[1]]
     low = max(h.temperature.min(), c.temperature.min())

@@ -33,6 +33,7 @@ from sma_bayes.fitting.fit import Fit
 from sma_bayes.records.types import Branch, Record
 
 Curve = Callable[[Floats], Floats]
+CurveOfStage = Callable[..., Floats]
 """Curves of N draws: temperatures of shape (m,) or (N, m) to values of shape (N, m)."""
 
 NAMES = {Branch.HEATING: ("As", "Af"), Branch.COOLING: ("Mf", "Ms")}
@@ -171,26 +172,27 @@ def temperatures_of_draws(curves: CurveDraws, channel: str) -> tuple[Temperature
         parts: list[tuple[int | None, tuple[str, str]]] = [(None, NAMES[record.branch])]
     else:
         parts = list(enumerate(STAGES[record.branch]))
+    curve, guide = curves_beyond(curves, channel)
     found: list[Temperature] = []
     for stage, names in parts:
-        curve, guide = curves_beyond(curves, channel, stage)
-        found += temperatures_of_curves(curve, record, channel, guide, names)
+        guide_of_stage = None if guide is None else partial(guide, stage=stage)
+        found += temperatures_of_curves(partial(curve, stage=stage), record, channel, guide_of_stage, names)
     return tuple(found)
 
 
-def curves_beyond(curves: CurveDraws, channel: str, stage: int | None = None) -> tuple[Curve, Curve | None]:
+def curves_beyond(curves: CurveDraws, channel: str) -> tuple[CurveOfStage, CurveOfStage | None]:
     """Curves of a channel as they go on beyond the sweep, and those that guide `tangents` where they wiggle."""
-    curve: Curve = partial(curves.curve, channel, stage=stage)
+    curve: CurveOfStage = partial(curves.curve, channel)
     beyond = unfinished(curves, channel)
     if beyond is not None:
         curve = partial(_with_what_is_beyond, curve, beyond)
-    if not curves.weights:
-        return curve, None
-    return curve, partial(curves.with_mean_discrepancy().curve, channel, stage=stage)
+    return curve, partial(curves.with_mean_discrepancy().curve, channel) if curves.weights else None
 
 
-def _with_what_is_beyond(curve: Curve, beyond: Unfinished, temperature: Floats) -> Floats:
-    return curve(temperature) + beyond.at(temperature)
+def _with_what_is_beyond(
+    curve: CurveOfStage, beyond: Unfinished, temperature: Floats, stage: int | None = None
+) -> Floats:
+    return curve(temperature, stage=stage) + beyond.at(temperature)
 
 
 def temperatures_of_curves(

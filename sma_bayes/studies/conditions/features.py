@@ -27,6 +27,8 @@ CHANNELS = ("force", "displacement")
 """Channels whose parameters are compared between conditions, in the order in which they are listed."""
 EDGE_SHARE = 0.02
 """Share of the measured range next to its ends in which an extreme counts as lying at the end."""
+_Middles = Mapping[str, Floats | None]
+"""Of one record, by channel: temperature at which each curve is half-way."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -86,20 +88,21 @@ def condition_features(records: Sequence[RecordDraws]) -> tuple[Feature, ...]:
     out: list[Feature] = []
     for condition in conditions:
         branches = {r.branch: r for r in records if r.condition == condition}
-        for record in branches.values():
-            out += _of_branch(record)
-        out += _of_loop(condition, branches)
+        middles = {b: {c: middle_temperatures(r.curves, c) for c in CHANNELS} for b, r in branches.items()}
+        for branch, record in branches.items():
+            out += _of_branch(record, middles[branch])
+        out += _of_loop(condition, branches, middles)
     return tuple(out)
 
 
-def _of_branch(record: RecordDraws) -> Iterator[Feature]:
+def _of_branch(record: RecordDraws, middles: _Middles) -> Iterator[Feature]:
     branch, condition, units = record.branch.value, record.condition, record.units
     degrees = units["temperature"]
     model = record.posterior.model
     for channel in CHANNELS:
         midpoint, rate = (record.with_role(role, channel) for role in (Role.MIDPOINT, Role.RATE))
         what = record.quantities.get(channel, channel)
-        middle = middle_temperatures(record.curves, channel)
+        middle = middles[channel]
         if middle is not None:
             name = model.with_role(Role.MIDPOINT, channel)
             yield Feature(
@@ -179,7 +182,9 @@ def ratio(high: Floats, low: Floats) -> Floats:
         return np.asarray(high / low)
 
 
-def _of_loop(condition: Condition, branches: Mapping[Branch, RecordDraws]) -> Iterator[Feature]:
+def _of_loop(
+    condition: Condition, branches: Mapping[Branch, RecordDraws], middles: Mapping[Branch, _Middles]
+) -> Iterator[Feature]:
     first = next(iter(branches.values()))
     degrees = first.units["temperature"]
     coldest, hottest = min(r.coldest for r in branches.values()), max(r.hottest for r in branches.values())
@@ -195,7 +200,7 @@ def _of_loop(condition: Condition, branches: Mapping[Branch, RecordDraws]) -> It
     heating, cooling = branches[Branch.HEATING], branches[Branch.COOLING]
     size = min(heating.size, cooling.size)
     for channel in CHANNELS:
-        up, down = (middle_temperatures(r.curves, channel) for r in (heating, cooling))
+        up, down = (middles[b][channel] for b in (Branch.HEATING, Branch.COOLING))
         if up is not None and down is not None:
             yield Feature(
                 "hysteresis_width", condition, BOTH, channel, degrees, up[:size] - down[:size],
