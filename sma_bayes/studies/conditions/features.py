@@ -15,7 +15,12 @@ from scipy.special import expit
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.assess.middle import middle_temperatures
-from sma_bayes.assess.transformation import temperatures_of_draws, transformation_channel
+from sma_bayes.assess.transformation import (
+    curves_beyond,
+    tangents,
+    temperatures_of_draws,
+    transformation_channel,
+)
 from sma_bayes.fitting.curves import interval_where_defined
 from sma_bayes.parameters.roles import Role
 from sma_bayes.quantities import per
@@ -100,7 +105,6 @@ def _of_branch(record: RecordDraws, middles: _Middles) -> Iterator[Feature]:
     degrees = units["temperature"]
     model = record.posterior.model
     for channel in CHANNELS:
-        midpoint, rate = (record.with_role(role, channel) for role in (Role.MIDPOINT, Role.RATE))
         what = record.quantities.get(channel, channel)
         middle = middles[channel]
         if middle is not None:
@@ -109,20 +113,50 @@ def _of_branch(record: RecordDraws, middles: _Middles) -> Iterator[Feature]:
                 "midpoint", condition, branch, channel, degrees, middle,
                 f"temperature at which {what} is half-way; {name} where the curve misses nothing",
             )  # fmt: skip
-        if midpoint is not None and rate is not None:
+        left = _share_left(record, channel)
+        if left is not None:
             yield Feature(
-                "share_left", condition, branch, channel, "1",
-                expit(np.abs(rate) * (midpoint - record.hottest)),
-                f"share of the transformation of {what} that is left at the highest measured temperature", on_log=True,
+                "share_left", condition, branch, channel, "1", left,
+                f"share of the transformation of {what} that is left at the highest measured temperature, as the curve "
+                "goes on from there", on_log=True,
             )  # fmt: skip
         if channel in record.channels:
-            slope, words = model.greatest_slope(record.curve_theta, channel, record.grid())
+            slope, words, at_edge = _greatest_slope(record, channel)
             yield Feature(
                 "greatest_slope", condition, branch, channel, slope_unit(units[channel], degrees), slope,
-                f"slope of {record.quantities[channel]} {words}", on_log=True,
+                f"slope of {record.quantities[channel]} {words}", True, at_edge,
             )  # fmt: skip
     yield from _transformation(record)
     yield from _stiffness(record)
+
+
+def _share_left(record: RecordDraws, channel: str) -> Floats | None:
+    """Share of the transformation that is left at the highest measured temperature; None where the model has no rate.
+
+    Beside the model's curve may stand what it misses: the share is then the distance of the whole curve from the
+    tangent of its upper plateau over that of the plateaus, see `Tangents`; NaN of a draw that has no such tangents.
+    """
+    midpoint, rate = (record.with_role(role, channel) for role in (Role.MIDPOINT, Role.RATE))
+    if midpoint is None or rate is None:
+        return None
+    if channel not in record.weights:
+        return np.asarray(expit(np.abs(rate) * (midpoint - record.hottest)))
+    curve, guide = curves_beyond(record.curves, channel)
+    return tangents(curve, record.coldest, record.hottest, guide).missing_above
+
+
+def _greatest_slope(record: RecordDraws, channel: str) -> tuple[Floats, str, float | None]:
+    """Greatest magnitude of the slope, words for where that is, and how probably it is at an end of the sweep.
+
+    Where something stands beside the model's curve its mean tells the place, as in `tangents`: that each draw wiggles
+    as far as the measurements allow is no slope of what was measured.
+    """
+    grid, curves = record.grid(), record.curves
+    if channel not in record.weights:
+        return *record.posterior.model.greatest_slope(record.curve_theta, channel, grid), None
+    place = np.abs(curves.with_mean_discrepancy().slope(channel, grid)).argmax(axis=1)
+    slope = np.abs(np.take_along_axis(curves.slope(channel, grid), place[:, None], axis=1)[:, 0])
+    return slope, "where it is steepest over the measured temperatures", _at_edge(place, grid.size)
 
 
 def _transformation(record: RecordDraws) -> Iterator[Feature]:

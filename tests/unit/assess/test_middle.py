@@ -74,3 +74,31 @@ def test_the_midpoint_of_a_condition_is_where_its_curve_is_half_way(bent: Fit) -
     features = condition_features([record_draws(bent)])
     (midpoint,) = [f for f in features if (f.name, f.channel) == ("midpoint", "force")]
     np.testing.assert_array_equal(midpoint.draws, middle_temperatures(bent.curves(), "force"))
+
+
+def test_the_steepest_slope_of_a_condition_is_that_of_the_whole_curve(bent: Fit) -> None:
+    """A quarter of span times rate, that of the sigmoid alone, is another slope."""
+    features = condition_features([record_draws(bent)])
+    (slope,) = [f for f in features if (f.name, f.channel) == ("greatest_slope", "force")]
+    t = np.linspace(30.0, 70.0, 4001)
+    truth = np.gradient(two_steps(t), t).max()
+    alone, _ = bent.posterior.model.greatest_slope(bent.curves().model_theta, "force", t)
+    assert np.median(slope.draws) == pytest.approx(truth, rel=0.06)
+    assert not np.quantile(alone, 0.001) < truth < np.quantile(alone, 0.999)
+    assert slope.at_edge == 0.0
+
+
+def test_what_is_left_at_the_end_of_a_sweep_is_of_the_whole_curve(make_record: Callable[..., Record]) -> None:
+    """Most of the force comes steeply, the rest so late that the sweep ends before it."""
+    record = make_record(n=160, noise=0.005, seed=2)
+    t = record.temperature
+    force = 1.5 / (1.0 + np.exp(-1.5 * (t - 48.0))) + 0.5 / (1.0 + np.exp(-0.5 * (t - 66.0)))
+    left = 0.25 / (1.0 + np.exp(0.5 * (70.0 - 66.0)))
+    observed = {**record.observed, "force": force + 0.005 * np.random.default_rng(4).normal(size=t.size)}
+    fit = fit_records([replace(record, observed=observed)], PRIORS, noise="independent", seed=0)
+    (found,) = [
+        f for f in condition_features([record_draws(fit)]) if (f.name, f.channel) == ("share_left", "force")
+    ]
+    assert 0.25 * left < np.median(found.draws) < left, "beyond the sweep nothing was measured"
+    b2, b3 = (fit.flat[:, fit.posterior.names.index(name)] for name in ("B2", "B3"))
+    assert np.median(1.0 / (1.0 + np.exp(b2 * (70.0 - b3)))) < 1e-9, "the sigmoid alone sees nothing of it"
