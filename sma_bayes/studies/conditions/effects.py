@@ -68,6 +68,8 @@ class SettingEffect:
         Scatter between conditions: standard deviation of the feature [`unit`], or of its logarithm [1].
     why : str
         Why one of these is None; empty where all are told.
+    defined : float
+        Share of the draws that have the feature, in the condition where it is least [1]; the others are left out.
     aliased_with : tuple of str
         Settings that varied together with this one.
     confounders : tuple of Confounder
@@ -88,6 +90,7 @@ class SettingEffect:
     probability_rises: float | None
     scatter: Mapping[str, float] | None
     why: str
+    defined: float
     aliased_with: tuple[str, ...]
     confounders: tuple[Confounder, ...]
 
@@ -161,6 +164,7 @@ def _effects(
             probability_rises=None if slope is None else float(np.mean(slope > 0.0)),
             scatter=None if general is None else interval_where_defined(general.scatter),
             why=_why(aliased, lacking if not usable else {}, design.spare),
+            defined=1.0 - max(lacking.values()),
             aliased_with=aliased,
             confounders=tuple(c for c in along if c.setting == setting and c.other != first.name),
         ))  # fmt: skip

@@ -51,7 +51,7 @@ class Feature:
         ``force``, ``displacement``, ``stiffness``, or empty.
     unit : str
     draws : ndarray, shape (S,)
-        From the posterior; equal numbers where it was measured directly.
+        From the posterior; NaN of a draw that has none, equal numbers where it was measured directly.
     meaning : str
     on_log : bool
         Whether it is positive and effects multiply it.
@@ -75,8 +75,13 @@ class Feature:
         """Whether it is a measured number rather than one with a posterior."""
         return bool(np.ptp(self.draws) == 0.0)
 
+    @property
+    def defined(self) -> float:
+        """Share of the draws that have it [1]."""
+        return float(np.mean(~np.isnan(self.draws)))
+
     def quantiles(self) -> dict[str, float]:
-        """``q05``, ``median`` and ``q95``."""
+        """``q05``, ``median`` and ``q95`` of the draws that have it; NaN where none has."""
         return interval_where_defined(self.draws)
 
 

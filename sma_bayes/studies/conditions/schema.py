@@ -77,6 +77,7 @@ class StatedFeature(IntervalDocument, NamedFeature):
     condition: str = Field(description="id of the condition")
     branch: str = Field(description="`heating` or `cooling`; `both` for the loop")
     measured: bool = Field(description="whether it was measured, and has no posterior")
+    defined: Number = Field(description="share of the draws that have it; the interval is theirs [1]")
     at_edge: NumberOrNull = Field(
         description="of an extreme: probability that it lies at an end of the measured temperatures [1]"
     )
@@ -117,6 +118,9 @@ class StatedEffect(DocumentPart):
         description="standard deviation of the scatter between conditions [`unit`, of a factor of the logarithm]"
     )
     why: str = Field(default="", description="why `tested` or `beyond` is not told; empty where both are")
+    defined: Number = Field(
+        description="share of the draws that have the feature, in the condition where it is least [1]"
+    )
     spare: int = Field(description="conditions beyond those that tell level and effects")
     aliased_with: Items[str] = Field(description="settings that vary only together with this one")
     confounded_with: Items[StatedConfounder] = Field(description="what else went along with it")

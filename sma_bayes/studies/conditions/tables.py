@@ -189,7 +189,7 @@ def feature_table(stored: StoredConditions) -> Table:
         edge = f.at_edge is not None and f.at_edge > EDGE_PROBABILITY
         rows.append(
             (f.condition, f.branch, named(f.name), quantity_of(f.channel, specimen=specimen), value,
-             unit_label(f.unit) or "1", "at an end of the sweep" if edge else "")
+             unit_label(f.unit) or "1", _remark("at an end of the sweep" if edge else "", f.defined))
         )  # fmt: skip
     return Table(
         "features",
@@ -206,6 +206,18 @@ def feature_table(stored: StoredConditions) -> Table:
         tuple(rows),
         grouped=2,
     )
+
+
+def _remark(said: str, defined: float) -> str:
+    """What is said of a number, and how many draws are left out of it because they have none.
+
+    Examples
+    --------
+    >>> _remark("", 0.9975), _remark("at an end of the sweep", 1.0)
+    ('none in 0.25 % of the draws', 'at an end of the sweep')
+    """
+    left_out = f"none in {100 * (1.0 - defined):.2g} % of the draws" if defined < 1.0 else ""
+    return "; ".join(filter(None, (said, left_out)))
 
 
 def effect_table(stored: StoredConditions) -> Table:
@@ -247,7 +259,8 @@ def _effect_rows(found: ConditionsDocument) -> Iterator[tuple[Cell, ...]]:
             named(e.feature), e.branch, quantity_of(e.channel, specimen=specimen),
             "×" if e.kind == "factor" else "difference",
             Estimate.where_told(e.tested, e.unit), Estimate.where_told(e.beyond, e.unit), unit_label(e.unit) or "1",
-            Number(e.probability_rises, "1", 0.01), Estimate.where_told(e.scatter, e.unit), e.why,
+            Number(e.probability_rises, "1", 0.01), Estimate.where_told(e.scatter, e.unit),
+            e.why or _remark("", e.defined),
             ", ".join(setting_name(n, specimen) for n in [*e.aliased_with, *along]),
         )  # fmt: skip
 

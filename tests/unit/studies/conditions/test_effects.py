@@ -127,6 +127,8 @@ def test_a_few_curves_without_a_feature_do_not_hide_its_effect(
     features[at] = replace(features[at], draws=draws)
     effect = named(operating_effects(features), "midpoint", "force", "load")
     assert effect.why.endswith(why)
+    assert effect.defined == pytest.approx(1.0 - lacking / draws.size)
+    assert features[at].defined == effect.defined
     assert (effect.tested is None) is bool(why)
     if effect.tested is not None:
         assert not effect.why

@@ -2,10 +2,18 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
+from sma_bayes.runs.documents import CONDITIONS
+from sma_bayes.runs.finished_run import FinishedRun
 from sma_bayes.studies.conditions.schema import ConditionsDocument
-from sma_bayes.studies.conditions.tables import UNINFORMATIVE_SPANS, _effect_rows, preferred_way
+from sma_bayes.studies.conditions.tables import (
+    UNINFORMATIVE_SPANS,
+    _effect_rows,
+    feature_table,
+    preferred_way,
+)
 from sma_bayes.studies.conditions.terminal import conditions_text
 
 
@@ -46,13 +54,15 @@ def test_a_factor_between_shares_that_are_over_is_left_out_of_the_table() -> Non
     def shown(share: float) -> int:
         features = [
             {"condition": c, "branch": "cooling", "name": "share_left", "channel": "displacement", "unit": "1",
-             "q05": value, "median": value, "q95": value, "measured": False, "at_edge": None, "meaning": "left"}
+             "q05": value, "median": value, "q95": value, "measured": False,
+             "defined": 1.0, "at_edge": None, "meaning": "left"}
             for c, value in (("a", 5e-9), ("b", share))
         ]  # fmt: skip
         effect = {
             "feature": "share_left", "branch": "cooling", "channel": "displacement", "unit": "1", "kind": "factor",
             "setting": "load", "setting_unit": "N", "from": 1.0, "to": 2.0, "conditions": ["a", "b"],
             "tested": interval, "beyond": interval, "probability_rises": 0.98, "scatter": None, "spare": 0,
+            "defined": 1.0,
             "aliased_with": [], "confounded_with": [],
         }  # fmt: skip
         told = {**study(), "features": features, "effects": [effect]}
@@ -79,7 +89,7 @@ def test_of_two_conditions_it_is_told_how_they_differ_and_why_no_more() -> None:
         "setting": "load", "setting_unit": "N", "from": 1.0, "to": 2.0, "conditions": ["a", "b"],
         "tested": {"q05": 25.3, "median": 29.9, "q95": 35.1}, "beyond": None, "probability_rises": None,
         "scatter": None, "spare": 0, "why": "no condition is left to tell the scatter", "aliased_with": [],
-        "confounded_with": [],
+        "confounded_with": [], "defined": 1.0,
     }  # fmt: skip
     text = conditions_text({**study(), "effects": [effect]})
     assert (
@@ -87,6 +97,20 @@ def test_of_two_conditions_it_is_told_how_they_differ_and_why_no_more() -> None:
         or "Af of displacement, heating 29.9 [25.3, 35.1] °C" in text
     )
     assert "no more is known: no condition is left to tell the scatter" in text
+
+
+def test_draws_that_have_no_such_number_are_told_beside_it() -> None:
+    interval = {"q05": 50.0, "median": 51.0, "q95": 52.0}
+    features = [
+        {"condition": "a", "branch": "heating", "name": "midpoint", "channel": channel, "unit": "degC", **interval,
+         "measured": False, "defined": defined, "at_edge": None, "meaning": "half-way"}
+        for channel, defined in (("force", 0.97), ("displacement", 1.0))
+    ]  # fmt: skip
+    table = feature_table(
+        FinishedRun(Path(), CONDITIONS, ConditionsDocument.model_validate({**study(), "features": features}))
+    )
+    remarks = [row[-1] for row in table.rows]
+    assert remarks == ["none in 3 % of the draws", ""]
 
 
 def advice(found: dict[str, Any]) -> str:
