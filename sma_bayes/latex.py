@@ -9,6 +9,8 @@ from typing import Final
 
 MANY: Final = 10
 """Columns up to which a table is in footnote size."""
+LINE_PT: Final = 757.0
+"""Line of a landscape page of A4 with margins of 15 mm, for which wide tables are laid out."""
 
 _TEX: Final = {
     "\\": r"\textbackslash{}", "&": r"\&", "%": r"\%", "$": r"\$", "#": r"\#", "_": r"\_", "{": r"\{",
@@ -101,6 +103,23 @@ def wrapped(share: str) -> str:
     return rf">{{\raggedright\arraybackslash}}p{{{share}\linewidth}}"
 
 
+def _layout(columns: int) -> tuple[str, float, float]:
+    """Size of type of a table, half the gap between its columns, and the mean width of a character [pt]."""
+    return (r"\scriptsize", 2.0, 4.1) if columns > MANY else (r"\footnotesize", 3.0, 4.7)
+
+
+def share_of_line(characters: int, columns: int) -> float:
+    """Share of a line of `LINE_PT` that so many characters in a row of a table take, gaps of its columns included.
+
+    Examples
+    --------
+    >>> round(share_of_line(80, 10), 3)
+    0.576
+    """
+    _, gap, character = _layout(columns)
+    return (characters * character + 2.0 * gap * columns) / LINE_PT
+
+
 def longtable(
     label: str, caption: str, heads: Sequence[str], alignment: Sequence[str], rows: Iterable[str]
 ) -> str:
@@ -117,11 +136,11 @@ def longtable(
     rows : iterable of str
         Lines of LaTeX, see `tex_row`.
     """
-    size, gap = (r"\scriptsize", 2) if len(heads) > MANY else (r"\footnotesize", 3)
+    size, gap, _ = _layout(len(heads))
     header = " & ".join(rf"\textbf{{{tex_text(head)}}}" for head in heads) + r" \\"
     lines = [
         "% needs \\usepackage{array,booktabs,longtable,siunitx,textcomp}; wide tables want a landscape page",
-        rf"\begingroup{size}\setlength{{\tabcolsep}}{{{gap}pt}}",
+        rf"\begingroup{size}\setlength{{\tabcolsep}}{{{gap:g}pt}}",
         rf"\begin{{longtable}}{{{''.join(alignment)}}}",
         rf"\caption{{{tex_text(caption)}}}\label{{tab:{label}}}\\",
         *(r"\toprule", header, r"\midrule", r"\endfirsthead"),

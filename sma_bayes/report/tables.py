@@ -10,7 +10,7 @@ from typing import Final, TypeVarTuple
 
 from sma_bayes.assess.checks import CHECK_DRAWS, FALSE_ALARM_RATE
 from sma_bayes.assess.loops import QuantityInterval
-from sma_bayes.latex import Tex, longtable, tex_row, tex_symbol, tex_text, tex_unit, wrapped
+from sma_bayes.latex import Tex, longtable, share_of_line, tex_row, tex_symbol, tex_text, tex_unit, wrapped
 from sma_bayes.quantities import CHANNELS
 from sma_bayes.records.severity import severity
 from sma_bayes.report.content import (
@@ -46,10 +46,15 @@ NEAREST_CURVE_NOTE: Final = (
 )
 """Norm and range of the nearest published parameters."""
 
-WRAPPED_COLUMN_SHARES: Final = {"finding": 0.38, "why": 0.5, "prior": 0.17, "meaning": 0.2, "remedy": 0.3}
-"""Columns whose words may be broken in LaTeX, with their share of the line."""
+WRAPPED_COLUMN_SHARES: Final = {
+    "finding": 0.38, "why": 0.5, "prior": 0.17, "meaning": 0.2, "remedy": 0.3, "believed": 0.35, "rows": 0.12,
+    "sampler": 0.1,
+}  # fmt: skip
+"""Columns whose words may be broken in LaTeX, with the share of the line that they have where others leave it."""
 MAX_WRAPPED_SHARE: Final = 0.52
 """What several of them have together at most."""
+MIN_WRAPPED_SHARE: Final = 0.15
+"""What they have together at least, however much the others take."""
 
 STATISTICS: Final = {
     "greatest": "largest residual",
@@ -793,16 +798,21 @@ def _tex_head(column: Column, power: int) -> Tex:
 
 
 def _alignment(table: Table, place: int, places: Sequence[int]) -> str:
-    if table.columns[place].key in WRAPPED_COLUMN_SHARES:
-        shares = [
-            WRAPPED_COLUMN_SHARES[table.columns[i].key]
-            for i in places
-            if table.columns[i].key in WRAPPED_COLUMN_SHARES
-        ]
-        room = min(1.0, MAX_WRAPPED_SHARE / sum(shares)) if len(shares) > 1 else 1.0
-        return wrapped(f"{room * WRAPPED_COLUMN_SHARES[table.columns[place].key]:.3g}")
-    numeric = table.columns[place].unit != ""
-    return "r" if numeric else "l"
+    column = table.columns[place]
+    if column.key in WRAPPED_COLUMN_SHARES:
+        return wrapped(f"{_room(table, places) * WRAPPED_COLUMN_SHARES[column.key]:.3g}")
+    return "r" if column.unit != "" else "l"
+
+
+def _room(table: Table, places: Sequence[int]) -> float:
+    """Factor that makes the columns that may be broken fit beside the others, which are as wide as their words."""
+    broken = [k for i in places if (k := table.columns[i].key) in WRAPPED_COLUMN_SHARES]
+    asked = sum(WRAPPED_COLUMN_SHARES[key] for key in broken)
+    whole = [i for i in places if table.columns[i].key not in WRAPPED_COLUMN_SHARES]
+    texts = [[table.columns[i].header, *(cell_text(row[i]) for row in table.rows)] for i in whole]
+    left = 1.0 - share_of_line(sum(max(map(len, column)) for column in texts), len(places))
+    most = min(left, MAX_WRAPPED_SHARE if len(broken) > 1 else 1.0)
+    return min(1.0, max(most, MIN_WRAPPED_SHARE) / asked)
 
 
 def _tex_rows(table: Table, places: Sequence[int]) -> Iterator[str]:
