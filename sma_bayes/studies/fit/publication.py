@@ -6,9 +6,11 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Final
 
+from sma_bayes.errors import first_of, many
 from sma_bayes.latex import Tex, longtable, tex_row, tex_symbol, tex_unit
 from sma_bayes.report.content import INTERVAL, Content, ParameterResult, parameters_by_channel
 from sma_bayes.report.notation import NORMAL_90_WIDTH, write
+from sma_bayes.studies.fit.inadequate import RECORDS_NAMED
 
 PARAMETERS_ACROSS: Final = 5
 """Parameters that a table has side by side, so that it fits the width of a page."""
@@ -19,7 +21,7 @@ POWER_OF_TEN_BELOW, POWER_OF_TEN_SD_BELOW = 0.1, 1e-4
 def publication_tex(content: Content) -> str:
     """Parameters of the response in LaTeX, a row a record, a table for each channel and each set of units.
 
-    For the packages array, booktabs, longtable and siunitx. Records that did not converge are left out.
+    For the packages array, booktabs, longtable and siunitx. Records that did not converge are left out, and named.
     """
     return "\n".join(_tables(content)) or "% no record converged\n"
 
@@ -31,10 +33,10 @@ def _tables(content: Content) -> Iterator[str]:
             called = next((c.name for c in part.channels if c.channel == channel), channel or "the response")
             for first in range(0, len(names), PARAMETERS_ACROSS):
                 number += 1
-                yield _table(part, called, names[first : first + PARAMETERS_ACROSS], number)
+                yield _table(part, called, channel, names[first : first + PARAMETERS_ACROSS], number)
 
 
-def _table(part: Content, called: str, names: Sequence[str], number: int) -> str:
+def _table(part: Content, called: str, channel: str, names: Sequence[str], number: int) -> str:
     found = [(r, {p.name: p for p in r.parameters}) for r in part.converged]
     of_name = {n: [p[n] for _, p in found if n in p] for n in names}
     units = {n: {p.unit for p in of_name[n]} for n in names}
@@ -48,8 +50,27 @@ def _table(part: Content, called: str, names: Sequence[str], number: int) -> str
     caption = (
         f"Parameters of {called}. Posterior median; sub- and superscript lead to the ends of the {INTERVAL}."
         + (" Dagger: not identified by the data." if driven else "")
+        + _beside(part, channel)
+        + _left_out(part)
     )
     return longtable(f"parameters-{number}", caption, heads, ["l"] * (2 + len(names)), rows)
+
+
+def _beside(part: Content, channel: str) -> str:
+    """Sentence on curves beside which something stands, so that their parameters alone do not make them."""
+    count = sum(channel in r.document.discrepancy for r in part.converged)
+    if not count:
+        return ""
+    return (
+        f" Beside {count} of {many(len(part.converged), 'curve')} stands a smooth discrepancy; the published curve "
+        "nearest to both together is in the table of nearest published parameters."
+    )
+
+
+def _left_out(part: Content) -> str:
+    """Sentence on records without a row."""
+    names = [f"{r.condition} {r.branch}" for r in part.unconverged]
+    return f" Left out, as not converged: {first_of(names, RECORDS_NAMED)}." if names else ""
 
 
 def _power(parameters: Sequence[ParameterResult]) -> int:

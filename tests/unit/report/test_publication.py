@@ -10,9 +10,11 @@ from pathlib import Path
 
 import pytest
 
+from sma_bayes.assess.adequacy import DiscrepancySummary
 from sma_bayes.latex import tex_symbol, tex_unit
 from sma_bayes.report.content import Content, ParameterResult, RecordContent
-from sma_bayes.studies.fit.publication import publication_tex
+from sma_bayes.report.tables import WRAPPED_COLUMN_SHARES, Column, Table, tex, words
+from sma_bayes.studies.fit.publication import publication_tex, supplement_tex
 from sma_bayes.studies.report.build import build_report
 
 CELL = re.compile(r"\$(-?[\d.]+)_\{-([\d.]+)\}\^\{\+([\d.]+)\}")
@@ -22,6 +24,20 @@ PAPER = r"""\documentclass[a4paper]{article}
 \input{publication}
 \end{document}
 """
+
+LONG_NAMES = Table(
+    "findings", "Findings about the measurements", "Rows are lines of the file.",
+    (
+        *words("kind", "severity", "file", "rows", "condition", "branch", "column"),
+        Column("rows concerned", "count", "1"), Column("kept out", "dropped", "1"), *words("finding"),
+    ),
+    tuple(
+        (kind, "serious", "raw_100MPa_second_specimen.csv", "1379-1381, 1388-1390, 1412-1414, 1441 ...", "100MPa",
+         "heating", "temperature_chamber_C", 1297, 22, "rows kept out, as nothing is known of their temperature " * 3)
+        for kind in ("load-not-constant", "missing-code")
+    ),
+)  # fmt: skip
+"""As a rig's files give it: names that can't be broken, and sentences that can."""
 
 
 def _numbers(text: str) -> list[tuple[float, ...]]:
@@ -54,9 +70,28 @@ def test_heads_have_symbols_and_units_and_records_that_failed_are_left_out(conte
     assert r"\textbf{\shortstack[l]{$A_{1}$\\{}\mdseries[\unit{\centi\metre}]}}" in text
     assert "heating" in text
     only = replace(content, records=(content.records[0], replace(content.records[1], converged=False)))
-    assert "cooling" not in publication_tex(only)
+    left_out = publication_tex(only)
+    assert not [line for line in left_out.splitlines() if " & cooling & " in line]
+    assert f"Left out, as not converged: {content.records[1].condition} cooling." in left_out
+    assert "Left out" not in text
     nothing = replace(content, records=tuple(replace(r, converged=False) for r in content.records))
     assert publication_tex(nothing).startswith("% no record")
+
+
+def test_it_is_said_where_something_stands_beside_the_curve(content: Content) -> None:
+    """Its parameters alone do not make the curve then."""
+    assert "discrepancy" not in publication_tex(content)
+    first = content.records[0]
+    beside = DiscrepancySummary(
+        unit="N", rms=0.1, largest=0.2, at=50.0, share=0.05, ln_bayes_factor=30.0, between_sweeps=None
+    )
+    document = first.document.model_copy(update={"discrepancy": {"force": beside}})
+    text = publication_tex(
+        replace(content, records=(replace(first, document=document), *content.records[1:]))
+    )
+    (caption,) = re.findall(r"\\caption\{(.*discrepancy.*)\}\\label", text)
+    assert caption.startswith("Parameters of force")
+    assert "Beside 1 of 2 curves stands a smooth discrepancy" in caption
 
 
 def test_zeros_of_small_numbers_go_into_the_head(content: Content) -> None:
@@ -125,3 +160,25 @@ def test_all_tables_fit_their_pages(run_copy: Path) -> None:
         log = _latex(tables, name)
         assert "Overfull" not in log
         assert "undefined" not in log.lower()
+
+
+@pytest.mark.skipif(not _has_latex(), reason="needs pdflatex with siunitx and booktabs (texlive-science)")
+def test_a_table_of_long_names_fits_its_page(tmp_path: Path) -> None:
+    (tmp_path / "findings.tex").write_text(tex(LONG_NAMES), encoding="utf-8")
+    (tmp_path / "supplement.tex").write_text(supplement_tex(["findings"]), encoding="utf-8")
+    assert "Overfull" not in _latex(tmp_path, "supplement.tex")
+
+
+def test_words_that_may_be_broken_take_the_room_that_long_names_leave() -> None:
+    """File names and columns of a logger made the table of findings wider than its page."""
+    short = replace(
+        LONG_NAMES,
+        rows=tuple(
+            ("kind", "note", "a.csv", "2", "100g", "heating", "force", *row[7:]) for row in LONG_NAMES.rows
+        ),
+    )
+    shares = [
+        [float(s) for s in re.findall(r"p\{([\d.]+)\\linewidth\}", tex(t))] for t in (LONG_NAMES, short)
+    ]
+    assert sum(shares[0]) < sum(shares[1])
+    assert shares[1] == pytest.approx([WRAPPED_COLUMN_SHARES[key] for key in ("rows", "finding")])
