@@ -40,7 +40,7 @@ REFERENCES: Final = {
   author = {{ASTM International}},
   title = {{ASTM} {E3097}: Standard Test Method for Mechanical Uniaxial Constant Force Thermal Cycling of Shape
     Memory Alloys},
-  institution = {ASTM International}
+  institution = {ASTM International}, number = {E3097-23}, year = {2023}
 }""",
 }  # fmt: skip
 """BibTeX entries by key."""
@@ -50,7 +50,9 @@ INADEQUATE: Final = {
     "exact": "readings were computed, not measured",
     "conflict": "prior and data contradict each other",
     "sweeps": "sweeps do not repeat each other",
-    "curve": f"the curve without a discrepancy misses more than {LARGEST_MISFIT_SHARE:.0%} of the range of a channel",
+    "curve": (
+        f"the curve without a discrepancy misses more than {100 * LARGEST_MISFIT_SHARE:g} % of the range of a channel"
+    ),
     "check": "a posterior predictive check fails",
     "noise": "the noise takes a large part of the range of a channel",
     "memory": "what the curve misses passes for noise with a memory",
@@ -69,10 +71,10 @@ def bibliography(content: Content) -> str:
     """BibTeX entries of what `methods_text` cites, and of this package."""
     text = methods_text(content)
     version = content.document.versions.get("sma-bayes", "")
-    own = f"""@software{{smabayes,
+    own = f"""@misc{{smabayes,
   author = {{{{The sma\\_bayes developers}}}},
   title = {{sma\\_bayes: Bayesian stiffness of shape memory alloy springs}},
-  version = {{{version}}}
+  note = {{version {version}}}
 }}"""
     cited = [entry for key, entry in REFERENCES.items() if f"@{key}" in text]
     return "\n\n".join([*cited, own]) + "\n"

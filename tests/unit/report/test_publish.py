@@ -48,7 +48,7 @@ def test_a_misfit_of_the_curve_is_not_put_down_to_predictive_checks(content: Con
         for r in content.records
     )
     text = methods_text(replace(content, records=bad))
-    assert "describe 0 of 2 records: in 2 the curve without a discrepancy misses more than 2% of the" in text
+    assert "describe 0 of 2 records: in 2 the curve without a discrepancy misses more than 2 % of the" in text
     assert "predictive check" not in text
 
 
@@ -62,6 +62,15 @@ def test_every_citation_has_an_entry_and_every_entry_is_cited(content: Content) 
     entries = bibliography(content)
     assert set(re.findall(r"^@\w+\{(\w+),", entries, re.MULTILINE)) == cited
     assert entries.count("{") == entries.count("}")
+
+
+def test_entries_are_of_types_that_plain_bibtex_knows_and_have_what_it_wants(content: Content) -> None:
+    """BibTeX knows no @software, and warned of a report without a year."""
+    wanted = {"article": {"author", "title", "journal", "year"}, "misc": {"author", "title", "note"},
+              "techreport": {"author", "title", "institution", "year"}}  # fmt: skip
+    for entry in bibliography(content).strip().split("\n\n"):
+        kind = entry[1 : entry.index("{")]
+        assert wanted[kind] <= set(re.findall(r"(\w+) = \{", entry))
 
 
 def test_the_workbook_has_the_numbers_of_the_tables(content: Content, tmp_path: Path) -> None:
