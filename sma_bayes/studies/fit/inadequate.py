@@ -4,12 +4,61 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
+from typing import Final
 
+from sma_bayes.assess.adequacy import LARGEST_MISFIT_SHARE
 from sma_bayes.errors import first_of
 from sma_bayes.runs.fit_document import RecordSummary
 
 RECORDS_NAMED = 3
 """Records that a sentence names."""
+
+
+@dataclass(frozen=True, slots=True)
+class KindOfReason:
+    """Words for a kind of reason.
+
+    Attributes
+    ----------
+    subject : str
+        How a sentence on records begins whose first reason it is, with a place for their names.
+    counted : str
+        What is said of a number of records that have it.
+    """
+
+    subject: str
+    counted: str
+
+
+KINDS: Final = {
+    "exact": KindOfReason("The data of {records} have no noise", "readings were computed, not measured"),
+    "conflict": KindOfReason(
+        "The priors exclude what the data say of {records}", "prior and data contradict each other"
+    ),
+    "sweeps": KindOfReason(
+        "One curve does not describe all sweeps of {records}", "sweeps do not repeat each other"
+    ),
+    "curve": KindOfReason(
+        "The curve does not describe {records}",
+        f"the curve without a discrepancy misses more than {100 * LARGEST_MISFIT_SHARE:g} % of the range of a channel",
+    ),
+    "check": KindOfReason(
+        "Curve and noise do not give data like those of {records}", "a posterior predictive check fails"
+    ),
+    "noise": KindOfReason(
+        "The noise hides the response in {records}", "the noise takes a large part of the range of a channel"
+    ),
+    "memory": KindOfReason(
+        "The noise takes the place of the curve in {records}",
+        "what the curve misses passes for noise with a memory",
+    ),
+    "tempered": KindOfReason("The fit does not describe the data of {records}", "the likelihood is tempered"),
+    "prior": KindOfReason(
+        "The data do not determine the curve of {records}",
+        "parameters of the curve are led by their priors",
+    ),
+}
+"""Words for all kinds, in the order in which they are counted."""
 
 
 @dataclass(frozen=True, slots=True)

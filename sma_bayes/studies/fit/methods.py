@@ -5,12 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 from typing import Final
 
-from sma_bayes.assess.adequacy import LARGEST_MISFIT_SHARE
 from sma_bayes.errors import many
 from sma_bayes.report.content import INTERVAL, Content, RecordContent
 from sma_bayes.report.notation import count_text
 from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.runs.fit_document import TARGET
+from sma_bayes.studies.fit.inadequate import KINDS
 
 REFERENCES: Final = {
     "sul2019": """@article{sul2019,
@@ -46,22 +46,6 @@ REFERENCES: Final = {
 """BibTeX entries by key."""
 
 
-INADEQUATE: Final = {
-    "exact": "readings were computed, not measured",
-    "conflict": "prior and data contradict each other",
-    "sweeps": "sweeps do not repeat each other",
-    "curve": (
-        f"the curve without a discrepancy misses more than {100 * LARGEST_MISFIT_SHARE:g} % of the range of a channel"
-    ),
-    "check": "a posterior predictive check fails",
-    "noise": "the noise takes a large part of the range of a channel",
-    "memory": "what the curve misses passes for noise with a memory",
-    "tempered": "the likelihood is tempered",
-    "prior": "parameters of the curve are led by their priors",
-}
-"""What is said of records that curve and noise do not describe, by the kind of reason."""
-
-
 def methods_text(content: Content) -> str:
     """What was done, as a paragraph in Markdown that cites `REFERENCES` as ``[@key]``."""
     return " ".join(_sentences(content)) + "\n"
@@ -85,8 +69,8 @@ def _adequacy(content: Content) -> str:
     records = content.records
     told = f"Curve and noise describe {len(records) - len(content.inadequate)} of {len(records)} records"
     counts = (
-        (sum(any(w.kind == kind for w in r.document.why) for r in records), text)
-        for kind, text in INADEQUATE.items()
+        (sum(any(w.kind == kind for w in r.document.why) for r in records), words.counted)
+        for kind, words in KINDS.items()
     )
     reasons = "; ".join(f"in {count} {text}" for count, text in counts if count)
     return f"{told}: {reasons}." if reasons else f"{told}."

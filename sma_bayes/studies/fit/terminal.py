@@ -17,7 +17,7 @@ from sma_bayes.records.plausibility import DOUBTS
 from sma_bayes.report.choice import CAMPAIGN_REPORT_ABOVE
 from sma_bayes.report.screen import ENTRIES_SHOWN, screen, show_end, what_helps
 from sma_bayes.runs.fit_document import FitSummary, OptionsSummary, RecordSummary
-from sma_bayes.studies.fit.inadequate import RECORDS_NAMED, reason_groups
+from sma_bayes.studies.fit.inadequate import KINDS, RECORDS_NAMED, reason_groups
 
 COLUMNS = (
     "record", "n", "noise", "converged", "adequate", "worst R-hat", "least ESS", "r", "not identified"
@@ -142,20 +142,6 @@ def _columns_beside(keys: Sequence[str], width: int) -> list[str]:
     return names
 
 
-SUBJECTS = {
-    "curve": "The curve does not describe {records}",
-    "sweeps": "One curve does not describe all sweeps of {records}",
-    "check": "Curve and noise do not give data like those of {records}",
-    "noise": "The noise hides the response in {records}",
-    "memory": "The noise takes the place of the curve in {records}",
-    "tempered": "The fit does not describe the data of {records}",
-    "prior": "The data do not determine the curve of {records}",
-    "exact": "The data of {records} have no noise",
-    "conflict": "The priors exclude what the data say of {records}",
-}
-"""How a sentence on fits that are not adequate begins, by the kind of their first reason."""
-
-
 def adequacy_sentences(records: Sequence[RecordSummary], options: OptionsSummary) -> list[str]:
     """What to say where fits are not adequate: one sentence for each kind of first reason, empty where all are.
 
@@ -166,7 +152,7 @@ def adequacy_sentences(records: Sequence[RecordSummary], options: OptionsSummary
         What was asked for; what was tried already is not advised.
     """
     return [
-        f"{SUBJECTS[group.kind].format(records=group.names)}: {group.quoted}; "
+        f"{KINDS[group.kind].subject.format(records=group.names)}: {group.quoted}; "
         f"{remedy(group.kind, options.model, options.noise)}."
         for group in reason_groups(records)
     ]

@@ -13,7 +13,8 @@ from sma_bayes.assess.adequacy import Reason
 from sma_bayes.report.content import Content
 from sma_bayes.report.tables import csv_columns, report_tables
 from sma_bayes.report.workbook import write_workbook
-from sma_bayes.studies.fit.methods import INADEQUATE, bibliography, methods_text
+from sma_bayes.studies.fit.inadequate import KINDS
+from sma_bayes.studies.fit.methods import bibliography, methods_text
 from sma_bayes.studies.report.build import build_report
 
 
@@ -54,7 +55,7 @@ def test_a_misfit_of_the_curve_is_not_put_down_to_predictive_checks(content: Con
 
 def test_every_kind_of_reason_has_words() -> None:
     kinds = re.findall(r"`([a-z]+)` \(", Reason.model_fields["kind"].description or "")
-    assert set(kinds) == set(INADEQUATE)
+    assert set(kinds) == set(KINDS)
 
 
 def test_every_citation_has_an_entry_and_every_entry_is_cited(content: Content) -> None:

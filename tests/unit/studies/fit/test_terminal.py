@@ -20,7 +20,8 @@ from sma_bayes.runs.fit_document import (
 )
 from sma_bayes.runs.schema import Factor, Workers
 from sma_bayes.studies.fit import terminal as fit
-from sma_bayes.studies.fit.terminal import SUBJECTS, adequacy_sentences
+from sma_bayes.studies.fit.inadequate import KINDS
+from sma_bayes.studies.fit.terminal import adequacy_sentences
 
 PLAIN = OptionsSummary(model="modified_sigmoid", noise="independent")
 
@@ -148,7 +149,7 @@ def test_a_narrow_screen_cuts_no_word_off(
 
 @pytest.mark.parametrize("kind", SENTENCES)
 def test_every_kind_of_reason_has_its_words(kind: str) -> None:
-    assert "{records}" in SUBJECTS[kind]
+    assert "{records}" in KINDS[kind].subject
     assert remedy(kind, "modified_sigmoid", "independent")
     done = remedy(kind, "auto", "auto")
     assert "auto" not in done, "what was done is not advised"
