@@ -148,12 +148,13 @@ def belief(r: RecordContent) -> str:
     """Whether the numbers of a record may be relied on, in a few words."""
     if not r.converged:
         return "no: not converged"
-    if not r.adequate:
-        return f"with care: {r.document.why[0].message}" if r.document.why else "with care"
-    if r.document.path.kind in RIG_PATHS:
-        return "yes, but the slope is that of the rig"
     beyond = [name for name, t in r.document.transformation.items() if not t.within_data]
-    return f"yes; {' and '.join(beyond)} extrapolated" if beyond else "yes"
+    extrapolated = f"; {' and '.join(beyond)} extrapolated" if beyond else ""
+    if not r.adequate:
+        return ": ".join(("with care", *(reason.message for reason in r.document.why[:1]))) + extrapolated
+    if r.document.path.kind in RIG_PATHS:
+        return f"yes, but the slope is that of the rig{extrapolated}"
+    return f"yes{extrapolated}"
 
 
 def next_steps(content: Content) -> tuple[str, ...]:
@@ -190,7 +191,8 @@ def _next_steps(content: Content) -> Iterator[str]:
     for finding in finding_groups(content.findings):
         if finding.severity == "serious":
             where = f" ({', '.join(finding.conditions[:3])})" if finding.conditions else ""
-            yield f"Check the measurements{where}: {finding.message}"
+            what = finding.message if finding.alike else finding.reason
+            yield f"Check the measurements{where}: {what}"
     told = [
         r for r in content.converged if r.document.path.kind not in RIG_PATHS and not r.stiffness_withheld
     ]

@@ -25,6 +25,8 @@ class FindingGroup:
         Rows that were kept out.
     message : str
         Of the first.
+    alike : bool
+        Whether all say the same.
     """
 
     kind: str
@@ -33,11 +35,19 @@ class FindingGroup:
     count: int
     dropped: int
     message: str
+    alike: bool
 
     @property
     def reason(self) -> str:
-        """The message without the rows of one finding, which are not those of the group."""
-        return self.message.partition(" kept out: ")[2] or self.message
+        """The message without the rows of one finding, which are not those of the group; of one by name, if of one."""
+        said = self.message.partition(" kept out: ")[2]
+        if said or self.alike:
+            return said or self.message
+        return (
+            f"for one, {self.conditions[0]}: {self.message}"
+            if self.conditions
+            else f"for one: {self.message}"
+        )
 
 
 def finding_groups(findings: Sequence[FindingDocument]) -> tuple[FindingGroup, ...]:
@@ -53,6 +63,7 @@ def finding_groups(findings: Sequence[FindingDocument]) -> tuple[FindingGroup, .
             len(found),
             sum(f.dropped for f in found),
             found[0].message,
+            len({f.message for f in found}) == 1,
         )
         for kind, found in kinds.items()
     ]

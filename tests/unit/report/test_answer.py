@@ -81,6 +81,12 @@ def test_an_inadequate_record_is_named_with_its_reason_and_a_remedy(content: Con
     reason = Reason(kind="curve", channel="force", message="the curve misses 9 % of the range of force")
     bad = replace(content, records=(replace(told(first, why=(reason,)), adequate=False), *others))
     assert belief(bad.records[0]) == f"with care: {reason.message}"
+    cut = {
+        name: t.model_copy(update={"within_data": name != "Af"})
+        for name, t in first.document.transformation.items()
+    }
+    short = told(bad.records[0], transformation=cut)
+    assert belief(short) == f"with care: {reason.message}; Af extrapolated"
     (step,) = (s for s in next_steps(bad) if reason.message in s)
     assert step.startswith(first.key)
     assert "`sma-bayes gap`" in step
@@ -190,6 +196,14 @@ def test_findings_are_grouped_and_the_serious_come_first(content: Content) -> No
     (both,) = finding_groups([first, finding("hold", "c2", 20)])
     assert (both.dropped, both.reason) == (64, "it stands still"), "rows of one are not those of the group"
     assert groups[0].reason == "what clipped means"
+    loads = [
+        finding("load-not-constant", c, 0).model_copy(update={"message": f"mean {n} N"})
+        for c, n in (("c1", 78.7), ("c2", 98.4))
+    ]
+    (both,) = finding_groups(loads)
+    assert both.reason == "for one, c1: mean 78.7 N", "numbers of one are not those of the group"
+    (step,) = (s for s in next_steps(replace(content, findings=tuple(loads))) if "78.7" in s)
+    assert step == "Check the measurements (c1, c2): for one, c1: mean 78.7 N"
     assert severity("a kind of tomorrow") == "look"
     steps = next_steps(replace(content, findings=tuple(findings)))
     assert [s for s in steps if "what clipped means" in s]
