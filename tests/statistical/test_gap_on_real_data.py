@@ -14,7 +14,8 @@ from sma_bayes.records.campaign import read_campaign
 from sma_bayes.records.history import History
 from sma_bayes.response import RESPONSE_MODELS
 from sma_bayes.studies.gap.check import comparable
-from sma_bayes.studies.gap.fitting import fit_with_noise, nearest
+from sma_bayes.studies.gap.fitting import FittedHypothesis, fit_with_noise, nearest
+from sma_bayes.studies.gap.least_squares import least_squares_of
 from sma_bayes.studies.gap.study import GapStudy, study_campaign
 
 pytestmark = pytest.mark.slow
@@ -98,6 +99,48 @@ def test_four_stresses_are_a_stress_shift_and_nothing_else(shared_data: Path) ->
     assert found.classes["stress_shift"] == ("stress_shift", "branch_stress_shift")
     slope = dict(zip(found.final.hypothesis.space.names, found.final.theta, strict=True))["stress_shift.c"]
     assert 5.0 < 1e-6 / slope < 10.0
+
+
+def interval(fitted: FittedHypothesis, name: str) -> tuple[float, float]:
+    """90 % interval of a parameter, by the normal approximation in sampled coordinates."""
+    space = fitted.hypothesis.space
+    place = space.index(name)
+    z = int(np.flatnonzero(space.free_index == place)[0])
+    ends = np.tile(fitted.z, (2, 1))
+    ends[:, z] += np.array([-1.645, 1.645]) * np.sqrt(fitted.covariance[z, z])
+    low, high = space.constrain(ends)[:, place].tolist()
+    return low, high
+
+
+def test_what_is_found_by_hand_is_in_the_intervals(shared_data: Path) -> None:
+    """By hand: a ruler on the plateaus, a logistic for each sweep.
+
+    Cycles to train: an exponential through the hot ends. Flexinol's slopes are 0.121 and 0.131 K/MPa, heating and
+    cooling, of which there is one number: their mean. NiTiHf's stroke is 38 % longer at 300 MPa than at 100, its
+    slopes are 0.101 and 0.132 K/MPa.
+    """
+    cycles, _ = least_squares_of(studied("smareact_isobaric_7cycle", shared_data).final)
+    low, high = interval(cycles, "training.N0")
+    assert low < 2.1 < 2.3 < high
+    flexinol, _ = least_squares_of(studied("flexinol_isobaric", shared_data, pooled=True).final)
+    low, high = interval(flexinol, "stress_shift.c")
+    assert 0.11e-6 < low < 0.126e-6 < high < 0.16e-6
+    found = studied("nitihf_sparse_isobaric", shared_data, pooled=True)
+    assert found.verdict == "named"
+    assert [e.id for e in found.effects] == ["stress_stroke", "branch_stress_shift"]
+    hafnium, _ = least_squares_of(found.final)
+    low, high = interval(hafnium, "stress_stroke.k")
+    assert (
+        1.25
+        < (1.0 + 300e6 * low) / (1.0 + 100e6 * low)
+        < 1.38
+        < (1.0 + 300e6 * high) / (1.0 + 100e6 * high)
+        < 1.5
+    )
+    low, high = interval(hafnium, "branch_stress_shift.c")
+    assert 0.08e-6 < low < 0.101e-6 < high < 0.13e-6
+    low, high = interval(hafnium, "branch_stress_shift.r")
+    assert 1.0 < low < 0.132 / 0.101 < high < 1.6
 
 
 def test_a_richer_curve_tells_the_slopes_of_the_branches_apart(shared_data: Path) -> None:

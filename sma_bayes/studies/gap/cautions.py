@@ -32,11 +32,24 @@ def cautions(found: GapOfModel) -> list[str]:
             )
     return [
         *out,
+        *_about_intervals(found),
         *_about_two_loads(found),
         *_about_sweeps(found),
         *_about_suspects(found),
         *_about_memory(found),
         *_about_spectrum(found),
+    ]
+
+
+def _about_intervals(found: GapOfModel) -> list[str]:
+    """What numbers of effects are where more than noise is left, or may be."""
+    if found.readings_as_one is None:
+        return []
+    return [
+        "The model misses more than noise, or noise that hardly changes may hide it. So numbers of effects are those "
+        f"of least squares, and {found.readings_as_one:.3g} readings count as one in their intervals: what is missed "
+        "is reckoned with as chance that is as large and lasts as long. A bias that is the same in all records is not "
+        "in them."
     ]
 
 

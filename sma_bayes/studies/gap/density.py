@@ -5,6 +5,8 @@ The standard deviation of the noise of each block is integrated out under the pr
     log L = - sum over blocks of  n/2 ln (sum of squared innovations at unit sd)
 
 The memory of the noise is held at its estimate: with hundreds of samples a block its own uncertainty moves nothing.
+
+Where the model misses something the likelihood is raised to a power below 1, see `least_squares`.
 """
 
 from __future__ import annotations
@@ -41,9 +43,12 @@ class HypothesisDensity:
     ----------
     fitted : FittedHypothesis
         Supplies hypothesis, blocks and memory of the noise.
+    readings_as_one : float
+        How many readings count as one: the inverse of the power of the likelihood.
     """
 
     fitted: FittedHypothesis
+    readings_as_one: float = 1.0
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -75,7 +80,7 @@ class HypothesisDensity:
         for block, noise in zip(self.fitted.blocks, self.fitted.noise, strict=True):
             w = replace(noise, sd=1.0).whiten(residual[:, block.at])
             total -= 0.5 * w.shape[1] * np.log(np.einsum("ij,ij->i", w, w))
-        return total
+        return total / self.readings_as_one
 
 
 def sample_hypothesis(
@@ -83,6 +88,7 @@ def sample_hypothesis(
     seed: np.random.SeedSequence,
     target: Target | None = None,
     *,
+    readings_as_one: float = 1.0,
     checkpoint: Path | None = None,
 ) -> Draws:
     """Sample the posterior of a fitted hypothesis with ensembles.
@@ -94,6 +100,8 @@ def sample_hypothesis(
         for the precision of other densities, mistake a bend that is narrow across for width.
     seed : numpy.random.SeedSequence
     target : Target, optional
+    readings_as_one : float
+        See `HypothesisDensity`; precision and mode are those beside noise that is scaled so.
     checkpoint : Path, optional
         See `sample`.
 
@@ -108,7 +116,7 @@ def sample_hypothesis(
         evaluations=MAX_EVALUATIONS,
         greatest_weight=GREATEST_WEIGHT,
     )
-    density = HypothesisDensity(fitted)
+    density = HypothesisDensity(fitted, readings_as_one)
     mode = Mode(fitted.z, float(density.log_prob(fitted.z)[0]), fitted.covariance, 1)
     return sample(
         density,

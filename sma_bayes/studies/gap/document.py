@@ -100,6 +100,7 @@ def gap_of_model(outcome: GapOutcome) -> GapOfModel:
         within_chance=found if none else (),
         effects=effects if named else (),
         partial=() if named else effects,
+        readings_as_one=outcome.readings_as_one,
         candidates=tuple(
             _candidate(outcome, c) for c in sorted(judged, key=lambda c: order.index(c.effect.id))
         ),

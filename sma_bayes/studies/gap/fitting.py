@@ -222,6 +222,11 @@ def fit_with_noise(hypothesis: Hypothesis, start: Floats) -> FittedHypothesis:
     return max((problem.fitted(*last) for last in tried[-2:]), key=lambda f: f.ln_evidence)
 
 
+def remembers_long(noise: BlockNoise) -> bool:
+    """Whether noise hardly changes from sample to sample."""
+    return bool(np.median(noise.memory) >= LONG_MEMORY)
+
+
 def nearest(fitted: FittedHypothesis) -> FittedHypothesis:
     """The same hypothesis where it is nearest to what was measured, in the mean square.
 
@@ -236,9 +241,8 @@ def nearest(fitted: FittedHypothesis) -> FittedHypothesis:
     """
     noise = []
     for block, own in zip(fitted.blocks, fitted.noise, strict=True):
-        long = np.median(own.memory) >= LONG_MEMORY
         rms = float(np.sqrt(np.mean(fitted.residual[block.at] ** 2)))
-        noise.append(BlockNoise(rms, np.zeros_like(own.memory)) if long else own)
+        noise.append(BlockNoise(rms, np.zeros_like(own.memory)) if remembers_long(own) else own)
     if tuple(noise) == fitted.noise:
         return fitted
     return fit_hypothesis(fitted.hypothesis, fitted.z, tuple(noise))

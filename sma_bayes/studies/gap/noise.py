@@ -21,6 +21,7 @@ from functools import partial
 import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
+from scipy.linalg import solve_banded
 from scipy.special import logsumexp
 
 from sma_bayes.arrays import Floats
@@ -161,6 +162,16 @@ class BlockNoise:
         sd = np.array([o.sd for _, o in others])[which]
         out = memory_series(innovations.T, memory.T, self.scale).T * sd
         return np.asarray(out if self.switching is None else out + self.switching.drawn(rng, out.shape[1]))
+
+    def spread(self, columns: Floats) -> Floats:
+        """Columns (n, k) so that products of what is returned are those with the covariance in between, shape (n, k).
+
+        Of scales of innovations and of switching nothing is seen.
+        """
+        ahead = np.zeros((2, self.memory.size))
+        ahead[0, 1:], ahead[1] = -self.memory[1:], 1.0
+        size = self.sd * np.sqrt(1.0 - self.memory**2)
+        return np.asarray(size[:, None] * solve_banded((0, 1), ahead, columns))
 
     def scale_on(self, kept: NDArray[np.bool_]) -> Floats | float:
         """Scales of the samples for which a mask is true."""
@@ -560,6 +571,24 @@ def tail_scale(innovations: Floats) -> Floats | None:
         if value > best and own > LEAST_WIDTH * width:
             best, scale = value, np.sqrt((degrees + (innovations / own) ** 2) / (degrees + 1.0))
     return scale
+
+
+def noise_as_it_is(residual: Floats, block: ChannelBlock) -> BlockNoise:
+    """AR(1) noise of greatest likelihood of a series with nothing taken out: what a model misses is in it.
+
+    Parameters
+    ----------
+    residual : ndarray, shape (n,)
+    block : ChannelBlock
+    """
+    memories, _ = _memories(block)
+    sds = [float(np.sqrt(np.mean(memory_innovations(residual, m) ** 2))) for m in memories]
+    value = [
+        -residual.size * math.log(max(sd, 1e-300)) - memory_log_scale(m).sum()
+        for sd, m in zip(sds, memories, strict=True)
+    ]
+    likeliest = int(np.argmax(value))
+    return BlockNoise(sds[likeliest], memories[likeliest])
 
 
 def _memories(block: ChannelBlock) -> tuple[list[Floats], NDArray[np.bool_]]:

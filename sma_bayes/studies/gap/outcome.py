@@ -24,6 +24,7 @@ from sma_bayes.studies.gap.density import sample_hypothesis
 from sma_bayes.studies.gap.experiments import ProposedExperiment, next_experiment
 from sma_bayes.studies.gap.fitting import FittedHypothesis
 from sma_bayes.studies.gap.heating import study_heating
+from sma_bayes.studies.gap.least_squares import least_squares_of
 from sma_bayes.studies.gap.name import (
     CANCELLING_SIZE,
     LEAST_LN_BAYES_FACTOR,
@@ -72,6 +73,9 @@ class GapOutcome:
         For each effect with rivals, what would separate them.
     pooled : bool
     seed : int
+    readings_as_one : float or None
+        Where the final model misses something, so that the draws are those of `least_squares_of`: how many readings
+        count as one.
     heating : GapOutcome or None
         Where temperature is an outcome: the same for the heat balance.
     """
@@ -83,6 +87,7 @@ class GapOutcome:
     experiments: Mapping[str, ProposedExperiment]
     pooled: bool
     seed: int
+    readings_as_one: float | None = None
     heating: GapOutcome | None = None
 
     @property
@@ -183,13 +188,20 @@ def _judged(
         scores = _scores(study, pooled=pooled)
     tell(2, "sampling the final model")
     with account.timed("sample"):
-        draws = None
+        draws, alike = None, None
         if study.effects:
-            seeds = np.random.SeedSequence([seed, 13])
-            draws = sample_hypothesis(study.final, seeds, checkpoint=checkpoint)
+            fitted = study.final
+            if study.misses_something:
+                fitted, alike = least_squares_of(fitted)
+            draws = sample_hypothesis(
+                fitted,
+                np.random.SeedSequence([seed, 13]),
+                readings_as_one=alike or 1.0,
+                checkpoint=checkpoint,
+            )
     with account.timed("next_experiment"):
         experiments = _experiments(study)
-    return GapOutcome(study, draws, gap, scores, experiments, pooled, seed)
+    return GapOutcome(study, draws, gap, scores, experiments, pooled, seed, alike)
 
 
 def _scores(study: GapStudy, *, pooled: bool) -> dict[str, HeldOutScore]:

@@ -427,6 +427,11 @@ class GapOfModel(DocumentPart):
         description="in the order in which they were added; empty unless `named`"
     )
     partial: Items[AddedEffect] = Field(description="effects that were added where no name is given")
+    readings_as_one: NumberOrNull = Field(
+        default=None,
+        description="where the final model misses something, and numbers of effects are those of least squares: how "
+        "many readings count as one in their intervals; null where these come from the likelihood of the noise [1]",
+    )
     candidates: Items[JudgedCandidate] = Field(
         description="one for each effect of the catalogue, what was added first"
     )

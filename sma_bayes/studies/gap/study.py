@@ -21,7 +21,13 @@ from sma_bayes.records.types import Branch, Campaign
 from sma_bayes.response.base import ResponseModel
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
 from sma_bayes.studies.gap.effect_form import EffectForms
-from sma_bayes.studies.gap.fitting import FittedHypothesis, added_by, fit_hypothesis, fit_with_noise
+from sma_bayes.studies.gap.fitting import (
+    FittedHypothesis,
+    added_by,
+    fit_hypothesis,
+    fit_with_noise,
+    remembers_long,
+)
 from sma_bayes.studies.gap.flexible import FlexibleTerms, gains, offer, terms_of, worth_of
 from sma_bayes.studies.gap.hypothesis import Hypothesis, baseline
 from sma_bayes.studies.gap.locate import SHUFFLES, Disagreement, DisagreementTest, disagreements, look
@@ -154,6 +160,11 @@ class GapStudy:
     def periodic(self) -> tuple[StatedPeriodicity, ...]:
         """Lines of spectra that the final model leaves."""
         return self.left.periodic if self.left.p_value <= SIGNIFICANT_P else ()
+
+    @property
+    def misses_something(self) -> bool:
+        """Whether the final model still disagrees, or may do so where noise hardly changes from sample to sample."""
+        return self.left.p_value <= SIGNIFICANT_P or any(remembers_long(n) for n in self.final.noise)
 
     @property
     def remainder(self) -> float:
