@@ -45,13 +45,34 @@ def draw_truth(rng: np.random.Generator, cycles: int, scatter: float = 1.0) -> T
     return Truth(state, sweep)
 
 
-def curve(numbers: np.ndarray, temperature: np.ndarray, branch: Branch, channel: str) -> np.ndarray:
-    """A Gompertz curve with four numbers, shape (..., n); force changes half as much, which changes the stiffness."""
+def curve(
+    numbers: np.ndarray,
+    temperature: np.ndarray,
+    branch: Branch,
+    channel: str,
+    turned: float | np.ndarray = 0.0,
+) -> np.ndarray:
+    """A Gompertz curve with four numbers, shape (..., n); force changes half as much, which changes the stiffness.
+
+    `turned` (...) is the share of the curve that bends at the other end: none of the four numbers changes that.
+    """
     numbers = numbers * FOLLOWS[channel]
     a, g, d, w = (numbers[..., i, None] for i in range(4))
     at = (temperature - _middle(branch) - d) / (5.0 * np.exp(w))
     share = np.exp(-np.log(2.0) * np.exp(-at))
+    other = 1.0 - np.exp(-np.log(2.0) * np.exp(at))
+    share = share + np.asarray(turned)[..., None] * (other - share)
     return STROKE[channel] * (0.5 + a + np.exp(g) * (share - 0.5))
+
+
+def start_and_finish(numbers: np.ndarray, branch: Branch, turned: float = 0.0) -> tuple[float, float]:
+    """Where the steepest tangent to one displacement crosses the levels of its plateaus."""
+    t = np.linspace(-100.0, 300.0, 400_001)
+    y = curve(numbers, t, branch, "displacement", turned)
+    slopes = np.gradient(y, t)
+    steepest = np.argmax(np.abs(slopes))
+    low, high = (float(t[steepest] + (y[i] - y[steepest]) / slopes[steepest]) for i in (0, -1))
+    return low, high
 
 
 def about_mean(
@@ -82,17 +103,17 @@ def measured(
     channels: tuple[str, ...] = ("displacement",),
     noise: float = NOISE,
     ends: tuple[float, float] = (20.0, 95.0),
+    turned: float | np.ndarray = 0.0,
 ) -> list[Record]:
-    """One record a branch; force and displacement train alike."""
+    """One record a branch; force and displacement train alike. `turned` of each cycle, see `curve`."""
     records = []
     for branch in Branch:
         cycles = len(truth.sweep[branch])
         t = np.linspace(*ends, SAMPLES) + rng.uniform(-0.3, 0.3, (cycles, SAMPLES))
         t = t if branch is Branch.HEATING else t[:, ::-1]
         observed = {
-            c: (
-                curve(truth.sweep[branch], t, branch, c) + noise * STROKE[c] * rng.standard_normal(t.shape)
-            ).ravel()
+            c: curve(truth.sweep[branch], t, branch, c, turned).ravel()
+            + noise * STROKE[c] * rng.standard_normal(t.size)
             for c in channels
         }
         cycle = np.repeat(np.arange(1.0, cycles + 1.0), SAMPLES)

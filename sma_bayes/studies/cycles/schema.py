@@ -58,6 +58,13 @@ class CommonCurve(DocumentPart):
     noise: InUnit[Number] = Field(description="standard deviation of what curve and numbers leave [`unit`]")
     missed: Number = Field(description="the same over the range of the channel [1]")
     lag1_correlation: Number = Field(description="correlation of neighbouring samples in a sweep [1]")
+    own_shape: Number = Field(
+        description="root mean square over all sweeps of what each has of its own beside the common curve and its four "
+        "numbers, over the range of the channel [1]"
+    )
+    reading_noise: InUnit[Number] = Field(
+        description="standard deviation of readings about the curve of their own sweep [`unit`]"
+    )
     converged: bool = Field(description="whether curve and numbers have settled")
 
 
@@ -153,7 +160,10 @@ class QuantityByCycle(DocumentPart):
         description="value of the sweep by itself; null where there is none"
     )
     own_sd: Annotated[Items[NumberOrNull], In(difference=True)] = Field(description="its standard deviation")
-    q05: InUnit[Items[NumberOrNull]] = Field(description="lower end of the 90 % interval, pooled over cycles")
+    q05: InUnit[Items[NumberOrNull]] = Field(
+        description="lower end of the 90 % interval, pooled over cycles; null where fewer than 95 % of the draws have "
+        "a value"
+    )
     median: InUnit[Items[NumberOrNull]] = Field(description="median")
     q95: InUnit[Items[NumberOrNull]] = Field(
         description="upper end; after the last measured cycle it is predictive"

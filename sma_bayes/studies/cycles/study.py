@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from functools import partial
 from typing import Final
 
 import numpy as np
@@ -16,6 +15,8 @@ from sma_bayes.records.types import Branch, Record
 from sma_bayes.studies.cycles.laws import LawPosterior, NumberDraws, Series
 from sma_bayes.studies.cycles.mean_sweep import about_mean_sweep
 from sma_bayes.studies.cycles.schema import HeldOutCycles
+from sma_bayes.studies.cycles.start_and_finish import start_and_finish
+from sma_bayes.studies.cycles.sweep_draws import SweepDraws
 from sma_bayes.studies.cycles.sweeps import NUMBERS, PRIOR_SD, USUAL_SCATTER, Strand, fit_strand
 
 DRAWS: Final = 2000
@@ -25,10 +26,8 @@ HELD_OUT_SHARE: Final = 0.3
 """Share of the cycles, the last ones, that are forecast from the others."""
 FEWEST_TO_HOLD_OUT: Final = 5
 """Cycles from which that is done."""
-ERROR_DRAWS: Final = 200
-"""Draws of the common curve that tell how uncertain it makes a value of a single sweep."""
 OWN_DRAWS: Final = 1000
-"""Draws of curve and numbers that tell how uncertain the four numbers of a single sweep are."""
+"""Draws of curve and numbers that tell how uncertain a single sweep by itself is."""
 FLAT_SLOPE_SHARE: Final = 1e-3
 """Slope below which a displacement is level and has no stiffness [greatest slope of the common curve]."""
 
@@ -49,6 +48,8 @@ class Pooled:
         Of each number of each strand, strand by strand.
     errors : tuple of ndarray or None
         Of the common curve of each strand, in as many draws.
+    seed : int
+        Of what sweeps have of their own in these draws.
     """
 
     strands: tuple[Strand, ...]
@@ -57,6 +58,7 @@ class Pooled:
     last: float
     draws: tuple[NumberDraws, ...]
     errors: tuple[Floats | None, ...]
+    seed: int
 
     def measured(self, strand: int) -> Ints:
         """Places of the measured sweeps of a strand among the cycles."""
@@ -69,17 +71,33 @@ class Pooled:
 
     def numbers_beside_errors(self, strand: int) -> Floats:
         """Those of the sweeps beside its common curve with the `errors` of each draw."""
-        drawn, errors, responses = self.numbers(strand), self.errors[strand], self.strands[strand].responses
-        if errors is None or responses is None:
+        drawn, errors = self.numbers(strand), self.errors[strand]
+        if errors is None:
             return drawn
-        every = np.tile(responses.mean(axis=0), (self.cycle.size, 1, 1))
-        every[self.measured(strand)] = responses
-        return np.asarray(drawn + _moved(every, errors))
+        follow = self.strands[strand].follow
+        each = [follow(self._place(strand, n), drawn[:, n], errors) for n in range(self.cycle.size)]
+        return np.stack(each, axis=1)
 
+    def sweeps(self, strand: int) -> Iterator[SweepDraws]:
+        """Sweeps of a strand, cycle by cycle."""
+        for n in range(self.cycle.size):
+            yield self.sweep(strand, n)
 
-def _moved(responses: Floats, errors: Floats) -> Floats:
-    """By how much errors (S, k) of the common curve move numbers with some responses (n, 4, k): (S, n, 4)."""
-    return np.asarray((errors @ responses.reshape(-1, errors.shape[1]).T).reshape(-1, *responses.shape[:2]))
+    def sweep(self, strand: int, n: int) -> SweepDraws:
+        """The sweep of a strand in the n-th of the cycles."""
+        own = self.draws[4 * strand : 4 * strand + 4]
+        return SweepDraws.of(
+            self.strands[strand],
+            self._place(strand, n),
+            np.stack([d.sweep[:, n] for d in own], axis=-1),
+            self.errors[strand],
+            np.random.default_rng([self.seed, 2, strand, n]),
+        )
+
+    def _place(self, strand: int, n: int) -> int | None:
+        """Which measured sweep of a strand is in the n-th of the cycles."""
+        found = np.flatnonzero(self.measured(strand) == n)
+        return int(found[0]) if found.size else None
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -138,7 +156,7 @@ def pool(strands: Sequence[Strand], ahead: int, seed: int, size: int = DRAWS) ->
     rng = np.random.default_rng(seed)
     _, draws = posterior.draw(grid, size, rng)
     errors = tuple(s.errors(size, rng) for s in strands)
-    return Pooled(tuple(strands), posterior, grid + first, last, tuple(draws), errors)
+    return Pooled(tuple(strands), posterior, grid + first, last, tuple(draws), errors, seed)
 
 
 def changes(pooled: Pooled) -> Floats:
@@ -198,66 +216,51 @@ def _four(pooled: Pooled, place: int) -> Iterator[CycleSeries]:
     drawn = about_mean_sweep(strand, pooled.numbers_beside_errors(place), errors, pooled.measured(place))
     every = np.arange(strand.cycle.size)
     own = about_mean_sweep(strand, strand.numbers[None], None, every)[0]
-    alone, moved = _own_draws(strand, OWN_DRAWS)
+    alone, moved = _drawn_alone(strand)
+    if moved is not None:
+        alone = np.stack([strand.follow(i, alone[:, i], moved) for i in range(every.size)], axis=1)
     sds = np.std(about_mean_sweep(strand, alone, moved, every), axis=0)
     for i, name in enumerate(NUMBERS):
         yield _series(pooled, place, name, strand.units[name], None, own[:, i], sds[:, i], drawn[..., i])
 
 
-def _own_draws(strand: Strand, size: int) -> tuple[Floats, Floats | None]:
-    """Draws of the numbers of single sweeps (S, n, 4), and of the errors of the common curve beside which they are."""
+def _drawn_alone(strand: Strand) -> tuple[Floats, Floats | None]:
+    """Draws of the numbers of single sweeps (S, n, 4), and of the errors of the common curve."""
     rng = np.random.default_rng(0)
-    numbers = strand.numbers + strand.sds * rng.standard_normal((size, *strand.numbers.shape))
-    errors = strand.errors(size, rng)
-    if errors is None or strand.responses is None:
-        return numbers, errors
-    return numbers + _moved(strand.responses, errors), errors
+    numbers = strand.numbers + strand.sds * rng.standard_normal((OWN_DRAWS, *strand.numbers.shape))
+    return numbers, strand.errors(OWN_DRAWS, rng)
+
+
+def _alone(strand: Strand) -> Iterator[SweepDraws]:
+    """Draws of each measured sweep by itself."""
+    numbers, errors = _drawn_alone(strand)
+    for i in range(strand.cycle.size):
+        yield SweepDraws.of(strand, i, numbers[:, i], errors, np.random.default_rng([1, i]))
 
 
 def _temperatures(pooled: Pooled, place: int) -> Iterator[CycleSeries]:
-    """Start and finish: crossings of tangents of the common curve go where shift and width take them."""
+    """Start and finish of each sweep."""
     strand = pooled.strands[place]
     unit = strand.record.units["temperature"]
-    alone, errors = _own_draws(strand, OWN_DRAWS)
-    drawn = pooled.numbers_beside_errors(place)
-    for name, crossing, by in zip(NAMES[strand.record.branch], *strand.crossings(), strict=True):
-        place_in = partial(_crossing, strand, float(crossing), by)
-        sd = np.std(place_in(alone, errors), axis=0)
-        own, pooled_draws = place_in(strand.numbers, None), place_in(drawn, pooled.errors[place])
-        yield _series(pooled, place, name, unit, None, own, sd, pooled_draws)
-
-
-def _crossing(strand: Strand, crossing: float, by: Floats, numbers: Floats, errors: Floats | None) -> Floats:
-    """A crossing of tangents in sweeps with some numbers, errors (S, m + r) of the shape of the curve included."""
-    away: float | Floats = crossing - strand.middle
-    if errors is not None and by.size:
-        away = away + (errors[:, -by.size :] @ by)[:, None]
-    return np.asarray(strand.middle + numbers[..., 2] + away * np.exp(numbers[..., 3]))
+    alone = np.array([start_and_finish(s) for s in _alone(strand)])
+    drawn = np.array([start_and_finish(s) for s in pooled.sweeps(place)])
+    for i, name in enumerate(NAMES[strand.record.branch]):
+        own, sd = alone[..., i].mean(axis=1), alone[..., i].std(axis=1)
+        yield _series(pooled, place, name, unit, None, own, sd, drawn[..., i].T)
 
 
 def _value(pooled: Pooled, place: int, temperature: float) -> CycleSeries:
     strand, t = pooled.strands[place], np.array([temperature])
-    value, sd = _propagated(lambda p, e: strand.curve(p, t, e)[..., 0], strand)
-    drawn = strand.curve(pooled.numbers_beside_errors(place), t, pooled.errors[place])[..., 0]
+    value, sd = _values_alone(strand, lambda s: s.curve(t)[:, 0])
+    drawn = np.column_stack([s.curve(t)[:, 0] for s in pooled.sweeps(place)])
     return _series(pooled, place, strand.channel, strand.unit, temperature, value, sd, drawn)
 
 
-def _propagated(value_of: Callable[[Floats, Floats | None], Floats], strand: Strand) -> tuple[Floats, Floats]:
-    """Values of single sweeps, and standard deviations: by derivatives in the numbers, and errors of the curve."""
-    value = value_of(strand.numbers, None)
-    variance = np.zeros(value.size)
-    for i in range(4):
-        by = np.zeros_like(strand.numbers)
-        by[:, i] = 0.5 * strand.sds[:, i]
-        up, down = (value_of(strand.numbers + sign * by, None) for sign in (1.0, -1.0))
-        variance += (up - down) ** 2
-    errors = strand.errors(ERROR_DRAWS, np.random.default_rng(0))
-    if errors is not None:
-        numbers = np.broadcast_to(strand.numbers, (ERROR_DRAWS, *strand.numbers.shape))
-        if strand.responses is not None:
-            numbers = numbers + _moved(strand.responses, errors)
-        variance += np.var(value_of(numbers, errors), axis=0)
-    return value, np.sqrt(variance)
+def _values_alone(strand: Strand, value_of: Callable[[SweepDraws], Floats]) -> tuple[Floats, Floats]:
+    """Values of single sweeps as they are expected, and standard deviations."""
+    found = [(value_of(s.expected())[0], np.std(value_of(s))) for s in _alone(strand)]
+    values, sds = np.array(found).T
+    return values, sds
 
 
 def _stiffness(pooled: Pooled, force: int, displacement: int, temperature: float) -> CycleSeries:
@@ -272,12 +275,11 @@ def _stiffness(pooled: Pooled, force: int, displacement: int, temperature: float
         return np.asarray(np.where(np.abs(of_displacement) > FLAT_SLOPE_SHARE * steepest, k, np.nan))
 
     drawn = ratio(*(
-        pooled.strands[i].slope(pooled.numbers_beside_errors(i), t, pooled.errors[i])[..., 0]
-        for i in (force, displacement)
+        np.column_stack([s.slope(t)[:, 0] for s in pooled.sweeps(i)]) for i in (force, displacement)
     ))  # fmt: skip
     both, of_f, of_x = np.intersect1d(f.cycle, x.cycle, return_indices=True)
-    fs, sd_f = _propagated(lambda p, e: f.slope(p, t, e)[..., 0], f)
-    xs, sd_x = _propagated(lambda p, e: x.slope(p, t, e)[..., 0], x)
+    fs, sd_f = _values_alone(f, lambda s: s.slope(t)[:, 0])
+    xs, sd_x = _values_alone(x, lambda s: s.slope(t)[:, 0])
     k = ratio(fs[of_f], xs[of_x])
     with np.errstate(all="ignore"):
         sd = np.abs(k) * np.hypot(sd_f[of_f] / fs[of_f], sd_x[of_x] / xs[of_x])
@@ -314,7 +316,6 @@ def _forecast(pooled: Pooled, place: int, strand: Strand, last: float, seed: int
     trained, later = pooled.strands[place], strand.cycle > last
     record, cycle = strand.part(later)
     grid = np.searchsorted(pooled.cycle, cycle)
-    numbers = pooled.numbers_beside_errors(place)
     rng = np.random.default_rng([seed, 1])
     measured = record.observed[strand.channel]
     missed, missed_last, covered, start = [], [], [], 0
@@ -323,10 +324,10 @@ def _forecast(pooled: Pooled, place: int, strand: Strand, last: float, seed: int
         own = slice(start, start + int(length))
         start += int(length)
         t, y = record.temperature[own], measured[own]
-        curve = trained.curve(numbers[:, n], t, pooled.errors[place])
+        curve = pooled.sweep(place, int(n)).curve(t)
         missed.append(y - np.median(curve, axis=0))
         missed_last.append(y - trained.curve(before, t))
-        reading = curve + trained.noise * rng.standard_normal(curve.shape)
+        reading = curve + trained.reading_noise * rng.standard_normal(curve.shape)
         low, high = np.quantile(reading, [0.05, 0.95], axis=0)
         covered.append((low <= y) & (y <= high))
     size = strand.range

@@ -9,7 +9,8 @@ temperatures, its span S between them, and the temperature m at which it is at L
 (offset over span), g (ln stroke), d (shift [K]) and w (ln width). The curve is a response model, and what this misses
 of all sweeps alike: a discrepancy (`sma_bayes.fitting.discrepancy`) that can't take the place of the four numbers, its
 size decided by evidence. Curve and numbers are found in turn.
-What is left has a memory within a sweep; standard deviations of the numbers allow for it.
+What is left has a memory within a sweep; standard deviations of the numbers allow for it. It is what each sweep has of
+its own shape, and noise (`sma_bayes.studies.cycles.own_shape`).
 
 References
 ----------
@@ -28,7 +29,6 @@ from scipy import optimize
 from scipy.signal import lfilter
 
 from sma_bayes.arrays import Bools, Floats, Ints
-from sma_bayes.assess.transformation import tangents
 from sma_bayes.errors import MeasurementError
 from sma_bayes.fitting.discrepancy import DiscrepancyBasis, build_basis, nodes_of
 from sma_bayes.fitting.discrepancy_weights import WeightsGivenResiduals, weights_given_residuals
@@ -39,6 +39,7 @@ from sma_bayes.noise.base import lag1
 from sma_bayes.records.types import Record
 from sma_bayes.response import AUTO_MODEL, RESPONSE_MODELS, ladder
 from sma_bayes.response.base import ResponseModel
+from sma_bayes.studies.cycles.own_shape import OwnShape, OwnShapeToCome, Scatter, SweepResidual, scatter_of
 
 NUMBERS: Final = ("offset", "stroke", "shift", "width")
 PRIOR_SD: Final = np.array([0.5, 0.5, 20.0, 0.5])
@@ -49,6 +50,8 @@ LEAST_SAMPLES: Final = 8
 """Fewest samples of a sweep that gets numbers of its own."""
 MAX_ROUNDS: Final = 60
 """Most rounds of curve and numbers."""
+BASES: Final = 2
+"""How often functions that the common curve misses are laid over the temperatures of all sweeps moved onto it."""
 MAX_EVALUATIONS: Final = 20
 """Most evaluations of the curve in one of them."""
 RELATIVE_TOLERANCE: Final = 1e-3
@@ -106,6 +109,11 @@ class Strand:
         one standard deviation, independent of the others.
     responses : ndarray, shape (n, 4, m + r), optional
         By how much the numbers of each sweep change with each error of the curve, see `errors`.
+    scatter : Scatter, optional
+        Of readings about the curve of their sweep, and of what sweeps have of their own.
+    own : tuple of OwnShape or None
+        What each sweep has of its own beside curve and numbers; None of one with too few samples. Empty where sweeps
+        have nothing of their own.
     """
 
     record: Record
@@ -127,6 +135,8 @@ class Strand:
     weights: WeightsGivenResiduals | None = None
     shape: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     responses: Floats | None = None
+    scatter: Scatter | None = None
+    own: tuple[OwnShape | None, ...] = ()
 
     @property
     def units(self) -> dict[str, str]:
@@ -176,6 +186,31 @@ class Strand:
         if self.shape.shape[1]:
             found.append(rng.standard_normal((size, self.shape.shape[1])))
         return np.concatenate(found, axis=1) if found else None
+
+    def own_shape(self, sweep: int | None) -> OwnShape | OwnShapeToCome | None:
+        """What one sweep has of its own, or one to come (None); None where that is nothing."""
+        if not self.own or self.scatter is None:
+            return None
+        own = self.own[-1 if sweep is None else sweep]
+        return own if own is None or sweep is not None else OwnShapeToCome(own.basis, self.scatter.sizes)
+
+    def follow(self, sweep: int | None, numbers: Floats, errors: Floats | None) -> Floats:
+        """Numbers (S, 4) of one sweep, or of one to come, beside errors (S, m + r) of the common curve."""
+        if self.responses is None or errors is None:
+            return numbers
+        responses = self.responses.mean(axis=0) if sweep is None else self.responses[sweep]
+        return np.asarray(numbers + errors @ responses.T)
+
+    @property
+    def reading_noise(self) -> float:
+        """Standard deviation of a reading about the curve of its sweep [unit of the channel]."""
+        return self.noise if self.scatter is None else self.scatter.noise
+
+    @property
+    def own_rms(self) -> float:
+        """Root mean square over all samples of what sweeps have of their own [unit of the channel]."""
+        squares = [np.sum((o.expected @ o.basis.rows) ** 2) for o in self.own if o is not None]
+        return float(np.sqrt(sum(squares) / self.record.n))
 
     def error_functions(self, temperature: Floats) -> Floats:
         """What each error adds to the common curve, shape (..., m + r): of what the model misses, then of its shape."""
@@ -228,23 +263,13 @@ class Strand:
         level = np.full(temperature.size, self.span)
         return np.column_stack([level, rise, slope, slope * (temperature - self.middle)])
 
-    def crossings(self) -> tuple[Floats, Floats]:
-        """Crossings of tangents of the response model, (2,), and by how much errors of its shape move them, (2, r).
-
-        They move with shift and width as the curve does.
-        """
-        by = np.zeros((self.theta.size, self.shape.shape[1]))
-        by[self.free] = self.shape
-        thetas = np.vstack([self.theta, self.theta + by.T, self.theta - by.T])
-
-        def curves(t: Floats) -> Floats:
-            rows = np.broadcast_to(t, (len(thetas), t.shape[-1]))
-            return np.array([self._of(theta, row) for theta, row in zip(thetas, rows, strict=True)])
-
-        found = tangents(curves, *self.ends)
-        both = np.array([found.lower, found.upper])
-        r = by.shape[1]
-        return both[:, 0], 0.5 * (both[:, 1 : 1 + r] - both[:, 1 + r :])
+    def tangents_in_own_numbers(self, numbers: Floats, temperature: Floats) -> Floats:
+        """What each number of a sweep does to its curve where it has numbers (n, 4), at temperatures (n,): (n, 4)."""
+        t = temperature[:, None]
+        slope = self.slope(numbers, t)[:, 0]
+        raised = self.curve(numbers, t)[:, 0] - self.level - self.span * numbers[:, 0]
+        away = temperature - self.middle - numbers[:, 2]
+        return np.column_stack([np.full(t.size, self.span), raised, -slope, -slope * away])
 
     def part(self, kept: Bools) -> tuple[Record, Floats]:
         """Record and cycles of some of the sweeps."""
@@ -255,7 +280,7 @@ class Strand:
         """Other sweeps, with their numbers about the curve of these."""
         none = np.zeros((cycle.size, 4))
         other = replace(self, record=record, starts=_starts(record), cycle=cycle, numbers=none, sds=none)
-        return _with_sds(_with_numbers(other))
+        return _with_sds(_with_numbers(replace(other, responses=None, scatter=None, own=())))
 
     @property
     def lengths(self) -> Ints:
@@ -354,9 +379,12 @@ def _alternate(record: Record, channel: str, cycle: Floats, model: ResponseModel
         Strand(record, channel, _starts(record), cycle, none, none, model, theta, free, 0.0, 0.0, 0.0)
     )
     strand, first = _settled(_with_numbers(strand), _with_curve)
-    strand, second = _settled(strand, _with_missed)
+    second = True
+    for _ in range(BASES):
+        strand = replace(strand, missed=_missed_basis(strand), weights=None)
+        strand, second = _settled(strand, _with_missed)
     strand = _with_numbers(_centred(strand))
-    return _with_sds(replace(strand, converged=first and second))
+    return _with_errors(_with_sds(replace(strand, converged=first and second)))
 
 
 def _settled(strand: Strand, with_curve: Callable[[Strand], Strand]) -> tuple[Strand, bool]:
@@ -372,7 +400,6 @@ def _settled(strand: Strand, with_curve: Callable[[Strand], Strand]) -> tuple[St
 
 def _with_missed(strand: Strand) -> Strand:
     """With what the response model misses of all sweeps alike, where there are samples enough for it."""
-    strand = strand if strand.missed is not None else replace(strand, missed=_missed_basis(strand))
     if strand.missed is None:
         return strand
     return replace(strand, weights=_weights(strand, max(strand.noise, LEAST_NOISE * strand.span)))
@@ -517,12 +544,7 @@ def _left(strand: Strand, numbers: Floats) -> Floats:
 
 def _rows(strand: Strand, numbers: Floats) -> Floats:
     """What each number does to each sample, (N, 4)."""
-    p = _sample_numbers(strand, numbers)
-    t = strand.record.temperature[:, None]
-    slope = strand.slope(p, t)[:, 0]
-    raised = strand.curve(p, t)[:, 0] - strand.level - strand.span * p[:, 0]
-    away = strand.record.temperature - strand.middle - p[:, 2]
-    return np.column_stack([np.full(t.size, strand.span), raised, -slope, -slope * away])
+    return strand.tangents_in_own_numbers(_sample_numbers(strand, numbers), strand.record.temperature)
 
 
 def _cost(strand: Strand, left: Floats, p: Floats, noise: float) -> Floats:
@@ -546,12 +568,60 @@ def _with_sds(strand: Strand) -> Strand:
         middle = own.T @ _correlated(own, memory) / noise**2 + hold
         inverse = np.linalg.inv(normal)
         sds[i] = np.sqrt(np.diag(inverse @ middle @ inverse))
-    strand = replace(strand, sds=sds, noise=noise, lag1_correlation=memory)
-    correlated = noise * np.sqrt((1.0 + memory) / (1.0 - memory))
+    return replace(strand, sds=sds, noise=noise, lag1_correlation=memory)
+
+
+def _with_errors(strand: Strand) -> Strand:
+    """With errors of the common curve, how numbers follow them, and what sweeps have of their own."""
+    rows, memory = _rows(strand, strand.numbers), strand.lag1_correlation
+    correlated = strand.noise * np.sqrt((1.0 + memory) / (1.0 - memory))
     if strand.missed is not None:
         strand = replace(strand, weights=_weights(strand, correlated))
     strand = replace(strand, shape=_shape(strand, rows, correlated))
-    return replace(strand, responses=_responses(strand, rows, noise))
+    if strand.missed is not None or strand.shape.shape[1]:
+        strand = replace(strand, responses=_responses(strand, rows, strand.noise))
+    if strand.responses is None:
+        common = np.zeros((strand.record.n, 0))
+    else:
+        at, _, grows = _onto_curve(strand)
+        common = strand.error_functions(at) / grows[:, None]
+    sweeps = _residuals(strand, rows, common)
+    some = [s for s in sweeps if s is not None]
+    if not some:
+        return strand
+    missed = 0 if strand.missed is None else strand.missed.count
+    scatter = scatter_of(some, missed, strand.span, strand.noise)
+    expected = np.zeros(some[0].common.shape[1])
+    if strand.weights is not None:
+        expected[:missed] = strand.weights.expected
+    own = iter(scatter.own(some, expected))
+    return replace(strand, scatter=scatter, own=tuple(None if s is None else next(own) for s in sweeps))
+
+
+def _residuals(strand: Strand, rows: Floats, common: Floats) -> list[SweepResidual | None]:
+    """What the response model leaves of each sweep beside its numbers, and what errors of the common curve do (N, k).
+
+    None of sweeps of too few samples.
+    """
+    at, there, grows = _onto_curve(strand)
+    beside = _beside_numbers(strand, rows, np.column_stack([common, (there - strand.smooth(at)) / grows]))
+    common, left = beside[:, :-1], beside[:, -1]
+    return [
+        None if basis is None else SweepResidual(left[own], common[own], basis)
+        for own, basis in (
+            (own, _own_basis(strand, i, strand.record.temperature[own], rows[own]))
+            for i, own in enumerate(np.split(np.arange(left.size), strand.starts[1:]))
+        )
+    ]
+
+
+def _own_basis(strand: Strand, sweep: int, temperature: Floats, rows: Floats) -> DiscrepancyBasis | None:
+    """Of what a sweep may have of its own, orthogonal to what its numbers do to its samples, see `_rows`."""
+    numbers = strand.numbers[sweep]
+    fine = np.linspace(temperature.min(), temperature.max(), GRID_POINTS)
+    nodes = nodes_of(fine[0], fine[-1], fine, strand.curve(numbers, fine))
+    tangents = strand.tangents_in_own_numbers(np.broadcast_to(numbers, (nodes.size, 4)), nodes)
+    return build_basis(temperature, nodes, strand.curve(numbers, nodes), rows, tangents)
 
 
 def _shape(strand: Strand, rows: Floats, noise: float) -> Floats:
@@ -578,10 +648,8 @@ def _shape_directions(strand: Strand, at: Floats) -> Floats:
     return directions
 
 
-def _responses(strand: Strand, rows: Floats, noise: float) -> Floats | None:
+def _responses(strand: Strand, rows: Floats, noise: float) -> Floats:
     """By how much the numbers of each sweep change with the errors of the common curve, (n, 4, m + r)."""
-    if strand.weights is None and not strand.shape.shape[1]:
-        return None
     at, _, grows = _onto_curve(strand)
     functions = strand.error_functions(at) / grows[:, None]
     hold = noise**2 * np.diag(PRIOR_SD**-2)

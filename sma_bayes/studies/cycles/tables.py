@@ -150,7 +150,8 @@ def _curves(conditions: tuple[ConditionCycles, ...], temperature_unit: str) -> T
     columns = (
         *CURVE, Column("model", "model"), Column("unit", "unit"), Column("midpoint", "midpoint", temperature_unit),
         Column("level", "level", UNIT_OF_ROW), Column("span", "span", UNIT_OF_ROW), Column("misfit", "missed", "1"),
-        Column("lag-1 correlation", "lag1_correlation", "1"),
+        Column("lag-1 correlation", "lag1_correlation", "1"), Column("own shape", "own_shape", "1"),
+        Column("noise of readings", "reading_noise", UNIT_OF_ROW),
     )  # fmt: skip
     rows = tuple(
         (
@@ -158,11 +159,13 @@ def _curves(conditions: tuple[ConditionCycles, ...], temperature_unit: str) -> T
             Number(k.midpoint, temperature_unit, 0.01), Number(k.level, k.unit, k.noise),
             Number(k.span, k.unit, k.noise),
             Number(k.missed, "1", 1e-4), Number(k.lag1_correlation, "1", 0.01),
+            Number(k.own_shape, "1", 1e-4), Number(k.reading_noise, k.unit, 0.1 * k.reading_noise),
         )
         for c in conditions for k in c.curves
     )  # fmt: skip
     note = (
         "Midpoint, level and span are those of the mean of the measured sweeps. Misfit: root mean square of what curve "
-        "and numbers of the sweeps leave, over the range of the channel."
+        "and numbers of the sweeps leave, over the range of the channel. Own shape: root mean square of the part of it "
+        "that is slow within a sweep, which the sweep has of its own; the rest is the noise of readings."
     )
     return Table("curves", "Common curves", note, columns, rows, 1)

@@ -14,6 +14,7 @@ from threadpoolctl import threadpool_limits
 
 from sma_bayes.account import Account
 from sma_bayes.arrays import Floats
+from sma_bayes.assess.transformation import LEAST_SHARE_OF_DRAWS
 from sma_bayes.errors import MeasurementError, SmaBayesError, many
 from sma_bayes.fitting.curves import INTERVAL, as_interval, interval
 from sma_bayes.progress import Progress, announce, silent
@@ -263,6 +264,8 @@ def _curve(s: Strand) -> CommonCurve:
         level=float(mean.level[0]),
         span=float(mean.span[0]),
         missed=s.noise / s.range,
+        own_shape=s.own_rms / s.range,
+        reading_noise=s.reading_noise,
     )
 
 
@@ -350,9 +353,12 @@ def _stable(pooled: Pooled, share: float, wanted: float) -> Stability:
 
 
 def _by_cycle(q: CycleSeries) -> QuantityByCycle:
-    """Quantiles; null where some draws have no value."""
-    with np.errstate(all="ignore"):
-        quantiles = np.quantile(q.draws, list(INTERVAL.values()), axis=0).tolist()
+    """Quantiles of the draws that have a value; null where too few have one."""
+    defined = np.mean(np.isfinite(q.draws), axis=0) >= LEAST_SHARE_OF_DRAWS
+    draws = np.where(defined & np.isfinite(q.draws), q.draws, np.nan)
+    quantiles = np.full((len(INTERVAL), defined.size), np.nan)
+    quantiles[:, defined] = np.nanquantile(draws[:, defined], list(INTERVAL.values()), axis=0)
+    quantiles = quantiles.tolist()
     return QuantityByCycle.about(
         q, own=q.own.tolist(), own_sd=q.own_sd.tolist(), **dict(zip(INTERVAL, quantiles, strict=True))
     )
@@ -390,11 +396,7 @@ def _columns(pooled: Pooled, place: int) -> dict[str, Any]:
     """Median and 90 % interval of the curve of each cycle."""
     strand = pooled.strands[place]
     t = np.linspace(*strand.ends, CURVE_POINTS)
-    numbers = pooled.numbers_beside_errors(place)
-    bands = [
-        np.quantile(strand.curve(numbers[:, n], t, pooled.errors[place]), [0.05, 0.5, 0.95], axis=0)
-        for n in range(pooled.cycle.size)
-    ]
+    bands = [np.quantile(s.curve(t), [0.05, 0.5, 0.95], axis=0) for s in pooled.sweeps(place)]
     low, middle, high = np.concatenate(bands, axis=1)
     return {
         "cycle": np.repeat(pooled.cycle.astype(int), t.size),

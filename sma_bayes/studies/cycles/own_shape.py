@@ -1,0 +1,260 @@
+"""What each sweep has of its own shape, beside the common curve and its four numbers.
+
+Sweeps of a real specimen are one curve with four numbers only nearly: a first cycle bursts where later ones creep.
+What curve and numbers leave of sweep i is
+
+    r_i = D_i e + B_i v_i + noise,    v_i ~ N(0, size_i**2),
+
+with errors e of the common curve, and what the sweep has of its own: a discrepancy (`sma_bayes.fitting.discrepancy`)
+beside its own curve, orthogonal to what its four numbers do. Each sweep has a size of its own, since the first ones
+differ from all others by more than these from each other. Sizes and the standard deviation of the noise are their most
+probable values once e and v_i are integrated out, found by expectation and maximisation over e. Noise is white, so that
+what is slow within a sweep is its own. A sweep to come has as much of its own as one of those that were measured.
+
+References
+----------
+A. P. Dempster, N. M. Laird and D. B. Rubin, J. R. Stat. Soc. B 39 (1977) 1.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Final
+
+import numpy as np
+from scipy.optimize import minimize_scalar
+
+from sma_bayes.arrays import Floats, Ints
+from sma_bayes.fitting.discrepancy import MEDIAN_SIZE, SIGMA_OF_SIZE, DiscrepancyBasis
+from sma_bayes.fitting.discrepancy_weights import LN_SIZE_GRID
+
+NUMBERS_OF_A_SWEEP: Final = 4
+"""Samples of a sweep that its numbers account for."""
+LEAST_NOISE: Final = 1e-5
+"""Least noise that is reckoned with [spans]."""
+LN_TOLERANCE: Final = 1e-2
+"""To which the logarithms of the standard deviations are found."""
+MAX_ROUNDS: Final = 50
+"""Most rounds of expectation and maximisation."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class SweepResidual:
+    """What the common curve leaves of one sweep.
+
+    Attributes
+    ----------
+    residual : ndarray, shape (n,)
+        What curve and numbers leave [unit of the channel].
+    common : ndarray, shape (n, k)
+        What errors of the common curve do, less what numbers follow.
+    basis : DiscrepancyBasis
+        Of what the sweep may have of its own, against temperature.
+    """
+
+    residual: Floats
+    common: Floats
+    basis: DiscrepancyBasis
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OwnShape:
+    """What one sweep has of its own.
+
+    Attributes
+    ----------
+    basis : DiscrepancyBasis
+        m functions of temperature.
+    expected, sd : ndarray, shape (m,)
+        Of their weights, beside the expected common curve.
+    follows : ndarray, shape (k, m)
+        By how much weights change with each error of the common curve.
+    size : float
+        Root mean square of what the sweep has of its own over its samples, most probable [unit of the channel].
+    """
+
+    basis: DiscrepancyBasis
+    expected: Floats
+    sd: Floats
+    follows: Floats
+    size: float
+
+    def draw(self, errors: Floats | None, count: int, rng: np.random.Generator) -> Floats:
+        """Weights (count, m) given errors (count, k) of the common curve."""
+        own = self.expected + self.sd * rng.standard_normal((count, self.sd.size))
+        return own if errors is None else own + errors @ self.follows
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class OwnShapeToCome:
+    """What a sweep to come has of its own.
+
+    Attributes
+    ----------
+    basis : DiscrepancyBasis
+        m functions of temperature.
+    sizes : ndarray, shape (n,)
+        Of measured sweeps, of which it has one.
+    """
+
+    basis: DiscrepancyBasis
+    sizes: Floats
+
+    @property
+    def expected(self) -> Floats:
+        """Nothing: zeros, shape (m,)."""
+        return np.zeros(self.basis.count)
+
+    def draw(self, errors: Floats | None, count: int, rng: np.random.Generator) -> Floats:
+        """Weights (count, m)."""
+        return rng.choice(self.sizes, count)[:, None] * rng.standard_normal((count, self.basis.count))
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Scatter:
+    """Standard deviations that sweeps of a common curve have.
+
+    Attributes
+    ----------
+    noise : float
+        Of a reading about the curve of its sweep [unit of the channel].
+    sizes : ndarray, shape (n,)
+        Root mean square of what each sweep has of its own over its samples [unit of the channel].
+    """
+
+    noise: float
+    sizes: Floats
+
+    def own(self, sweeps: Sequence[SweepResidual], common: Floats) -> list[OwnShape]:
+        """What each sweep has of its own beside a common curve with expected weights (k,)."""
+        found = []
+        for s, size in zip(sweeps, self.sizes, strict=True):
+            rows = s.basis.rows
+            gain = size**2 / (self.noise**2 + size**2 * np.sum(rows**2, axis=1))
+            expected = gain * (rows @ (s.residual - s.common @ common))
+            follows = -(gain[:, None] * (rows @ s.common)).T
+            found.append(OwnShape(s.basis, expected, np.sqrt(gain) * self.noise, follows, float(size)))
+        return found
+
+
+def scatter_of(sweeps: Sequence[SweepResidual], missed: int, span: float, noise: float) -> Scatter:
+    """Most probable scatter of sweeps.
+
+    Parameters
+    ----------
+    sweeps : sequence of SweepResidual
+    missed : int
+        How many errors of the common curve, the first, are of what its model misses. Their weights have a size a
+        priori, which is found beside; others are free.
+    span : float
+        Of the common curve [unit of the channel]; what sizes are relative to a priori.
+    noise : float
+        To start from [unit of the channel].
+    """
+    known = _Known.of(sweeps)
+    usual = MEDIAN_SIZE * span
+    ln_prior = -0.5 * LN_SIZE_GRID**2
+    grid = usual * np.exp(SIGMA_OF_SIZE * LN_SIZE_GRID)
+    sizes, of_common, noise = np.full(len(sweeps), usual), usual, max(noise, LEAST_NOISE * span)
+    for _ in range(MAX_ROUNDS):
+        variance = noise**2 + sizes[known.sweep] ** 2 * known.power
+        error, spread = known.common(variance, noise, of_common, missed)
+        along, beside = known.squares(error, spread)
+        before = np.array([noise, *sizes])
+        each = grid[:, None] ** 2 * known.power + noise**2
+        cost = np.zeros((grid.size, len(sweeps)))
+        np.add.at(cost.T, known.sweep, (np.log(each) + along / each).T)
+        sizes = grid[np.argmax(ln_prior[:, None] - 0.5 * cost, axis=0)]
+        if missed:
+            square = float(error[:missed] @ error[:missed] + np.trace(spread[:missed, :missed]))
+            of_common = grid[np.argmax(ln_prior - missed * np.log(grid) - 0.5 * square / grid**2)]
+        own = sizes[known.sweep] ** 2 * known.power
+        noise = _likeliest_noise(own, along, beside, known.free, noise, LEAST_NOISE * span)
+        if np.all(np.abs(np.log(np.array([noise, *sizes]) / before)) < LN_TOLERANCE):
+            break
+    return Scatter(noise, sizes)
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class _Known:
+    """Sums over the samples of all sweeps, along their own functions (M of all sweeps) and beside these.
+
+    Attributes
+    ----------
+    sweep : ndarray of int, shape (M,)
+        Which each function is of.
+    power : ndarray, shape (M,)
+        Square of each over its samples.
+    pull : ndarray, shape (M,)
+    along : ndarray, shape (M, k)
+        Residuals, and errors of the common curve, along each.
+    square, pulled, whole
+        Products of all residuals, of these with errors of the common curve, (k,), and of these, (k, k).
+    free : int
+        Samples beyond numbers and own functions.
+    """
+
+    sweep: Ints
+    power: Floats
+    pull: Floats
+    along: Floats
+    square: float
+    pulled: Floats
+    whole: Floats
+    free: int
+
+    @staticmethod
+    def of(sweeps: Sequence[SweepResidual]) -> _Known:
+        power = [np.sum(s.basis.rows**2, axis=1) for s in sweeps]
+        unit = [
+            s.basis.rows[p > 0.0] / np.sqrt(p[p > 0.0])[:, None] for s, p in zip(sweeps, power, strict=True)
+        ]
+        values = [np.column_stack([s.common, s.residual]) for s in sweeps]
+        products = sum((v.T @ v for v in values[1:]), values[0].T @ values[0])
+        along = np.vstack([u @ v for u, v in zip(unit, values, strict=True)])
+        samples = sum(max(s.residual.size - NUMBERS_OF_A_SWEEP, 1) for s in sweeps)
+        return _Known(
+            np.repeat(np.arange(len(sweeps)), [len(u) for u in unit]),
+            np.concatenate([p[p > 0.0] for p in power]),
+            along[:, -1],
+            along[:, :-1],
+            float(products[-1, -1]),
+            products[:-1, -1],
+            products[:-1, :-1],
+            max(samples - len(along), 0),
+        )
+
+    def common(self, variance: Floats, noise: float, size: float, missed: int) -> tuple[Floats, Floats]:
+        """Expected errors (k,) of the common curve and their covariance (k, k)."""
+        share = 1.0 - noise**2 / variance
+        information = (self.whole - (self.along.T * share) @ self.along) / noise**2
+        precision = np.where(np.arange(len(self.whole)) < missed, size**-2.0, 0.0)
+        rounding = 1e-12 * np.trace(information) / max(len(information), 1)
+        spread = np.asarray(np.linalg.inv(information + np.diag(precision + rounding)))
+        toward = (self.pulled - self.along.T @ (share * self.pull)) / noise**2
+        return np.asarray(spread @ toward), spread
+
+    def squares(self, error: Floats, spread: Floats) -> tuple[Floats, float]:
+        """Expected squares of what is left along each function, (M,), and of what is left beside all of them."""
+        uncertain = np.sum((self.along @ spread) * self.along, axis=1)
+        along = (self.pull - self.along @ error) ** 2 + uncertain
+        whole = (
+            self.square - 2.0 * self.pulled @ error + error @ self.whole @ error + np.sum(self.whole * spread)
+        )
+        return along, max(float(whole - np.sum(along)), 0.0)
+
+
+def _likeliest_noise(
+    own: Floats, along: Floats, beside: float, free: int, noise: float, least: float
+) -> float:
+    """Standard deviation of the noise beside variances of own functions, given expected squares."""
+
+    def cost(ln_noise: float) -> float:
+        variance = np.exp(2.0 * ln_noise)
+        each = variance + own
+        return float(np.sum(np.log(each) + along / each) + 2.0 * free * ln_noise + beside / variance)
+
+    middle = np.log(noise)
+    found = minimize_scalar(cost, bounds=(middle - 1.0, middle + 1.0), method="bounded")
+    return max(float(np.exp(found.x)), least)
