@@ -57,8 +57,13 @@ class SweepDraws:
 
     @property
     def ends(self) -> tuple[float, float]:
-        """Lowest and highest temperature that was measured of it; of one to come, of the last."""
+        """Lowest and highest temperature that was measured of it, or of the last where it is to come.
+
+        Those of all sweeps where it has nothing of its own.
+        """
         s = self.strand
+        if self.own is None:
+            return s.ends
         i = s.cycle.size - 1 if self.place is None else self.place
         own = s.record.temperature[s.starts[i] : s.starts[i] + s.lengths[i]]
         return float(own.min()), float(own.max())
