@@ -112,7 +112,7 @@ class OwnShapeToCome:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class ScatterOfSweeps:
+class CycleScatter:
     """Standard deviations that sweeps of a common curve have.
 
     Attributes
@@ -138,7 +138,7 @@ class ScatterOfSweeps:
         return found
 
 
-def scatter_of(sweeps: Sequence[SweepResidual], missed: int, span: float, noise: float) -> ScatterOfSweeps:
+def scatter_of(sweeps: Sequence[SweepResidual], missed: int, span: float, noise: float) -> CycleScatter:
     """Most probable scatter of sweeps.
 
     Parameters
@@ -173,7 +173,7 @@ def scatter_of(sweeps: Sequence[SweepResidual], missed: int, span: float, noise:
         noise = _likeliest_noise(own, along, beside, known.free, noise, LEAST_NOISE * span)
         if np.all(np.abs(np.log(np.array([noise, *sizes]) / before)) < LN_TOLERANCE):
             break
-    return ScatterOfSweeps(noise, sizes)
+    return CycleScatter(noise, sizes)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -40,9 +40,9 @@ from sma_bayes.records.types import Record
 from sma_bayes.response import AUTO_MODEL, RESPONSE_MODELS, ladder
 from sma_bayes.response.base import ResponseModel
 from sma_bayes.studies.cycles.own_shape import (
+    CycleScatter,
     OwnShape,
     OwnShapeToCome,
-    ScatterOfSweeps,
     SweepResidual,
     scatter_of,
 )
@@ -115,7 +115,7 @@ class Strand:
         one standard deviation, independent of the others.
     responses : ndarray, shape (n, 4, m + r), optional
         By how much the numbers of each sweep change with each error of the curve, see `errors`.
-    scatter : ScatterOfSweeps, optional
+    scatter : CycleScatter, optional
         Of readings about the curve of their sweep, and of what sweeps have of their own.
     own : tuple of OwnShape or None
         What each sweep has of its own beside curve and numbers; None of one with too few samples. Empty where sweeps
@@ -141,7 +141,7 @@ class Strand:
     weights: WeightsGivenResiduals | None = None
     shape: Floats = field(default_factory=lambda: np.zeros((0, 0)))
     responses: Floats | None = None
-    scatter: ScatterOfSweeps | None = None
+    scatter: CycleScatter | None = None
     own: tuple[OwnShape | None, ...] = ()
 
     @property

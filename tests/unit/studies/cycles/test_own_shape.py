@@ -7,7 +7,7 @@ import pytest
 from scipy.optimize import minimize
 
 from sma_bayes.fitting.discrepancy import MEDIAN_SIZE, SIGMA_OF_SIZE, build_basis
-from sma_bayes.studies.cycles.own_shape import ScatterOfSweeps, SweepResidual, scatter_of
+from sma_bayes.studies.cycles.own_shape import CycleScatter, SweepResidual, scatter_of
 
 SPAN, NOISE = 2.0, 0.01
 SIZES = np.array([0.2, 0.08, 0.03, 0.03, 0.03])
@@ -78,7 +78,7 @@ def test_sizes_and_noise_come_back() -> None:
 def test_own_shape_is_the_conditional_distribution() -> None:
     """Mean and covariance of the own weights given residual and common curve, by dense matrices."""
     sweeps, common = simulated(), np.array([0.01, -0.02, 0.03])
-    scatter = ScatterOfSweeps(NOISE, SIZES)
+    scatter = CycleScatter(NOISE, SIZES)
     for s, size, own in zip(sweeps, SIZES, scatter.own(sweeps, common), strict=True):
         design = s.basis.rows.T
         whole = np.linalg.inv(design.T @ design / NOISE**2 + np.eye(s.basis.count) / size**2)
