@@ -73,6 +73,13 @@ def test_a_thermometer_that_is_off_shows_where_it_should(
     assert abs(heating["parameters"]["B1"]["shift"]) < 0.25, "the span is what it was"
     assert abs(heating["bands"]["force"]["shift"]) > 3.0
     assert heating["changed"]["temperature"][1]["lowest"] == 31.0
+    for name in ("As", "Af"):
+        t = heating["transformation"][name]
+        assert t["b"]["median"] - t["a"]["median"] == pytest.approx(1.0, abs=0.05)
+        assert t["shift"] > 3.0
+        assert f"{name} [°C]" in outcome.out
+    force = heating["bands"]["force"]
+    assert force["medians"][1] - force["medians"][0] == pytest.approx(force["difference"])
 
 
 def test_a_record_that_is_in_one_only_is_a_difference(
@@ -86,11 +93,58 @@ def test_a_record_that_is_in_one_only_is_a_difference(
     (copy / "summary.json").write_text(json.dumps(sealed(summary)), encoding="utf-8")
     outcome = run("diff", folders["a"], copy)
     assert outcome.status == 1
-    assert "a-cooling: only in a" in outcome.out
+    assert "only in a: a-cooling" in outcome.out
     told = "b, not in a" if summary["records"][0]["adequate"] else "a, not in b"
     assert f"  adequate in {told}" in outcome.out
     assert "settings: none in a, load 1.5 N in b" in outcome.out
     assert run("diff", folders["a"], copy, "--quiet").out == ""
+
+
+def changed_copy(folder: Path, to: Path, change: Callable[[dict[str, Any]], None]) -> Path:
+    """Copy of a fit whose summary says something else."""
+    copy = Path(shutil.copytree(folder, to))
+    summary = json.loads((copy / "summary.json").read_text(encoding="utf-8"))
+    change(summary)
+    (copy / "summary.json").write_text(json.dumps(sealed(summary)), encoding="utf-8")
+    return copy
+
+
+def test_priors_that_change_no_result_are_told(
+    run: Callable[..., Any], folders: dict[str, Path], tmp_path: Path
+) -> None:
+    """Of a file with other priors and the same title it was said that data, options and versions are the same."""
+
+    def narrower(summary: dict[str, Any]) -> None:
+        summary["records"][0]["parameters"]["A3"]["prior"]["sd"] *= 0.1
+
+    outcome = run("diff", folders["a"], changed_copy(folders["a"], tmp_path / "narrower", narrower))
+    assert outcome.status == 0
+    assert "other priors of A3" in outcome.out
+    assert "the same data" not in outcome.out
+    assert "the same: 2 of 2 records agree" in outcome.out
+
+
+def test_the_last_digits_of_a_scale_are_no_other_prior(
+    run: Callable[..., Any], folders: dict[str, Path], tmp_path: Path
+) -> None:
+    """Priors of the noise are scaled by a least-squares fit, which ends within a ten-millionth."""
+
+    def nearly(summary: dict[str, Any]) -> None:
+        summary["records"][0]["parameters"]["force_sd"]["prior"]["median"] *= 1.0 + 1e-7
+
+    outcome = run("diff", folders["a"], changed_copy(folders["a"], tmp_path / "nearly", nearly))
+    assert "the same data, options, priors and versions" in outcome.out
+
+
+def test_bands_that_are_wider_are_told_where_their_medians_agree(
+    run: Callable[..., Any], folders: dict[str, Path], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    both = sma_bayes.diff(folders["a"], folders["b"])
+    both["records"][0]["bands"]["force"]["width_ratio"] = 1.6
+    monkeypatch.setattr("sma_bayes.studies.diff.workflow.diff", lambda *a, **k: both)
+    outcome = run("diff", folders["a"], folders["b"])
+    assert outcome.status == 0
+    assert "  bands in b: force 1.6 times as wide" in outcome.out
 
 
 @pytest.mark.parametrize("arguments", [("--tolerance", "0"), ("--tolerance", "nan")])

@@ -37,6 +37,7 @@ class ComparedBand(DocumentPart):
     shift: NumberOrNull = Field(description="b less a there [sd]")
     at: Number = Field(description="temperature there [`temperature_unit`]")
     temperature_unit: str = Field(description="unit of temperatures")
+    medians: Items[Number] = Field(description="of the bands there, in a, in b [`unit`]")
     difference: Number = Field(description="b less a there [`unit`]")
     width_ratio: NumberOrNull = Field(description="how many times as wide b is [1]")
     compared: Items[Number] = Field(description="lowest and highest temperature that both have")
@@ -63,6 +64,10 @@ class ComparedRecords(DocumentPart):
     )
     priors: Items[str] = Field(default=(), description="parameters whose priors differ")
     parameters: dict[str, ComparedParameter] = Field(default={}, description="parameters, by name")
+    transformation: dict[str, ComparedParameter] = Field(
+        default={},
+        description="transformation temperatures, by name; they follow from the curves and have no say in `same`",
+    )
     bands: dict[str, ComparedBand | None] = Field(
         default={}, description="bands, by channel; null where they share no temperature"
     )

@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any
+from typing import Any, Final
 
 from rich.table import Table
 
+from sma_bayes.errors import first_of, many
 from sma_bayes.quantities import SPECIMEN_QUANTITY, unit_text
 from sma_bayes.records.types import setting_unit
 from sma_bayes.report.notation import write, write_interval
@@ -17,6 +18,9 @@ from sma_bayes.studies.diff.schema import (
     DifferenceDocument,
     ParameterOfRun,
 )
+
+ALIKE_WIDTHS: Final = 1.25
+"""Ratio of the widths of two bands up to which nothing is said of it."""
 
 
 def show_diff(told: Mapping[str, Any]) -> None:
@@ -31,19 +35,37 @@ def show_diff(told: Mapping[str, Any]) -> None:
         for key, (a, b) in found.inputs.items():
             table.add_row(key.replace("_", " "), _short(a), _short(b))
         console.print(table)
-    else:
-        console.print("the same data, options and versions")
+    other = list(dict.fromkeys(name for r in found.records for name in r.priors))
+    if other:
+        console.tell(f"other priors of {', '.join(other)}")
+    elif not found.inputs:
+        console.print("the same data, options, priors and versions")
     console.tell(*found.declared_differently)
-    differing = [r for r in found.records if not r.same]
+    for side in "ab":
+        alone = [r.key for r in found.records if r.in_ == side]
+        if alone:
+            console.tell(f"only in {side}: {first_of(alone, ENTRIES_SHOWN)}")
+    differing = [r for r in found.records if r.in_ == "both" and (not r.same or r.changed or _widths(r))]
     for r in differing[:ENTRIES_SHOWN]:
         _show_record(console, r, found)
     if len(differing) > ENTRIES_SHOWN:
         console.print(f"and {len(differing) - ENTRIES_SHOWN} more records that differ")
-    alike = len(found.records) - len(differing)
-    level = f"{found.tolerance:g} standard deviations"
     verdict = "the same" if found.same else "DIFFERENT"
-    counted = f"{alike} of {len(found.records)} records agree"
-    console.tell(f"{verdict}: {counted}, medians of parameters and bands within {level}")
+    alike = f"{sum(r.same for r in found.records)} of {many(len(found.records), 'record')} agree"
+    console.tell(
+        f"{verdict}: {alike}, with medians of parameters and bands within {found.tolerance:g} standard deviations"
+    )
+
+
+def _widths(r: ComparedRecords) -> list[str]:
+    """Bands that are wider or narrower in b, in words."""
+    return [
+        f"{band.name} {band.width_ratio:.2g} times as wide"
+        for band in r.bands.values()
+        if band is not None
+        and band.width_ratio is not None
+        and not 1.0 / ALIKE_WIDTHS <= band.width_ratio <= ALIKE_WIDTHS
+    ]
 
 
 def _differing(value: object, other: object) -> object:
@@ -93,9 +115,6 @@ def _short(value: object) -> str:
 
 def _show_record(console: Screen, r: ComparedRecords, found: DifferenceDocument) -> None:
     console.print()
-    if r.in_ != "both":
-        console.print(f"{r.key}: only in {r.in_}")
-        return
     console.print(f"{r.key}:")
     for name, (a, b) in r.changed.items():
         if isinstance(a, bool) and isinstance(b, bool):
@@ -111,17 +130,19 @@ def _show_record(console: Screen, r: ComparedRecords, found: DifferenceDocument)
                 for message in (why if r.adequate[0] != r.adequate[1] else ())
             )
         )
-    if r.priors:
-        console.tell(f"  other priors of {', '.join(r.priors)}")
+    widths = _widths(r)
+    if widths:
+        console.tell(f"  bands in b: {', '.join(widths)}")
     table = Table("", *map(numbers, ("a: median (90 %)", "b: median (90 %)", "b − a", "b − a [sd]")))
-    for name, p in r.parameters.items():
+    for name, p in (*r.transformation.items(), *r.parameters.items()):
         if p.shift is None or abs(p.shift) > found.tolerance:
             title = f"{name} [{unit_text(p.unit) or '1'}]"
             table.add_row(title, _interval(p.a), _interval(p.b), _apart(p), _sds(p.shift))
     for band in (band for band in r.bands.values() if band is not None):
         if band.shift is None or abs(band.shift) > found.tolerance:
             title = f"{band.name} at {band.at:.4g} {unit_text(band.temperature_unit)} [{unit_text(band.unit) or '1'}]"
-            table.add_row(title, "", "", _signed(band.difference), _sds(band.shift))
+            medians = (write([median]).plain[0] for median in band.medians)
+            table.add_row(title, *medians, _signed(band.difference), _sds(band.shift))
     if table.row_count:
         console.print(table)
 

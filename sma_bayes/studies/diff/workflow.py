@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -10,7 +11,7 @@ import numpy as np
 
 from sma_bayes.errors import SmaBayesError
 from sma_bayes.runs.declared_units import Shown, declared_parts, shown_as, shown_units
-from sma_bayes.runs.fit_document import ParameterSummary, RecordSummary
+from sma_bayes.runs.fit_document import ParameterSummary, RecordSummary, TransformationSummary
 from sma_bayes.runs.outputs import StoredBand, StoredRun, band_of, read_run
 from sma_bayes.runs.shown import in_shown_units
 from sma_bayes.studies.diff.schema import (
@@ -26,6 +27,8 @@ TOLERANCE: Final = 0.25
 converged medians are known to some 0.05 of them."""
 NORMAL_90: Final = 3.28971
 """Width of the interval that holds 90 % of a normal distribution, in standard deviations."""
+PRIOR_TOLERANCE: Final = 1e-3
+"""Relative difference of numbers of a prior that is none: some are scaled by a least-squares fit, which ends within."""
 COMPARED: Final = (
     "converged", "adequate", "model", "n", "rows_averaged", "settings", "temperature", "channels",
 )  # fmt: skip
@@ -119,6 +122,8 @@ def _record(
     names = list(dict.fromkeys([*a.parameters, *b.parameters]))
     parameters = {n: _parameter(a.parameters.get(n), b.parameters.get(n)) for n in names}
     bands = {c: _band(runs, units, (a, b), c) for c in a.quantities if c in b.quantities}
+    ends = list(dict.fromkeys([*a.transformation, *b.transformation]))
+    temperatures = {n: _parameter(a.transformation.get(n), b.transformation.get(n)) for n in ends}
     shifts = [p.shift for p in parameters.values()]
     shifts += [band.shift for band in bands.values() if band is not None]
     changed = _different(a.as_json(), b.as_json(), COMPARED)
@@ -138,28 +143,50 @@ def _record(
         priors=tuple(
             n for n in names
             if n in a.parameters and n in b.parameters
-            and a.parameters[n].prior != b.parameters[n].prior
+            and not _alike(a.parameters[n].prior, b.parameters[n].prior)
         ),
         parameters=parameters,
+        transformation=temperatures,
         bands=bands,
     )  # fmt: skip
+
+
+def _alike(a: Mapping[str, Any] | None, b: Mapping[str, Any] | None) -> bool:
+    """Whether priors are the same, but for the last digits of what the least-squares fit leaves."""
+    if a is None or b is None or a.keys() != b.keys():
+        return a == b
+    pairs = [(a[key], b[key]) for key in a]
+    return all(
+        math.isclose(x, y, rel_tol=PRIOR_TOLERANCE)
+        if isinstance(x, float) and isinstance(y, float)
+        else x == y
+        for x, y in pairs
+    )
 
 
 def _settings(r: RecordSummary, units: Shown) -> dict[str, float]:
     return {name: units[name].factor * v if name in units else v for name, v in r.settings.items()}
 
 
-def _parameter(a: ParameterSummary | None, b: ParameterSummary | None) -> ComparedParameter:
+def _parameter(
+    a: ParameterSummary | TransformationSummary | None, b: ParameterSummary | TransformationSummary | None
+) -> ComparedParameter:
     """Medians with intervals of either run, and how far b is from a in standard deviations of the wider posterior."""
     known = a or b
+    first, second = _of_run(a), _of_run(b)
     shift = None
-    if a and b and a.unit == b.unit and a.median is not None and b.median is not None:
-        shift = _shift(b.median - a.median, max(a.sd or 0.0, b.sd or 0.0))
-    return ComparedParameter(unit=known.unit if known else "", a=_of_run(a), b=_of_run(b), shift=shift)
+    medians = [side.median for side in (first, second) if side is not None and side.median is not None]
+    if a and b and first and second and a.unit == b.unit and len(medians) == 2:
+        shift = _shift(medians[1] - medians[0], max(first.sd or 0.0, second.sd or 0.0))
+    return ComparedParameter(unit=known.unit if known else "", a=first, b=second, shift=shift)
 
 
-def _of_run(p: ParameterSummary | None) -> ParameterOfRun | None:
-    return None if p is None else ParameterOfRun.about(p)
+def _of_run(p: ParameterSummary | TransformationSummary | None) -> ParameterOfRun | None:
+    """A temperature is as uncertain as its interval says."""
+    if not isinstance(p, TransformationSummary):
+        return None if p is None else ParameterOfRun.about(p)
+    sd = None if p.q05 is None or p.q95 is None else (p.q95 - p.q05) / NORMAL_90
+    return ParameterOfRun(median=p.median, q05=p.q05, q95=p.q95, sd=sd)
 
 
 def _shift(difference: float, sd: float) -> float:
@@ -202,6 +229,7 @@ def _band(
         unit=u.shown,
         shift=float(shift[worst]),
         at=place,
+        medians=tuple(u.factor * float(_at(band, "q50", at[worst])) for band in (a, b)),
         temperature_unit=degrees.shown,
         difference=u.factor * float(difference[worst]),
         width_ratio=float(np.nanmedian(_width(b, at) / np.where(_width(a, at) > 0.0, _width(a, at), np.nan))),
