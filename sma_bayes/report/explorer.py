@@ -32,7 +32,8 @@ class Trace:
     x : ndarray, shape (m,)
         Where the curve is known.
     quantiles : mapping of str to ndarray, shape (m,)
-        ``q50`` and, where there is a band, ``q05``, ``q95``, ``pred_q05``, ``pred_q95``.
+        ``q50`` and, where there is a band, ``q05``, ``q95``, ``pred_q05``, ``pred_q95``; empty where what
+        was measured is all that is told.
     inside : tuple of float
         Ends of what was measured along `x`; beyond them the curve is extrapolated.
     measured : tuple of ndarray, shape (n,), or None
@@ -67,6 +68,7 @@ def _plain(trace: Trace) -> dict[str, Any]:
         "x": _numbers(trace.x),
         "inside": [float(v) for v in trace.inside],
     }
+    plain["q50"] = [None] * trace.x.size
     plain |= {name: _numbers(q) for name, q in trace.quantiles.items() if np.isfinite(q).any()}
     if trace.measured is not None:
         every = -(-trace.measured[0].size // MAX_POINTS)

@@ -148,7 +148,8 @@
 
   function render() {
     const curves = shown(), width = Math.max(280, root.clientWidth), [low, high] = drawn();
-    const positive = those().every(t => t.q50.every(v => v === null || v > 0));
+    const values = those().flatMap(t => t.q50).filter(v => v !== null);
+    const positive = values.length > 0 && values.every(v => v > 0);
     log.disabled = !positive;
     if (!positive) state.log = log.checked = false;
     predictive.disabled = !those().some(t => t.pred_q05);

@@ -60,6 +60,15 @@ def test_what_is_not_finite_is_null() -> None:
     assert None not in found["q50"][10:]
 
 
+def test_what_did_not_converge_has_measurements_and_no_curve(content: Content) -> None:
+    (found,) = chart_data([replace(TRACE, quantiles={})])
+    assert set(found["q50"]) == {None}
+    assert "q05" not in found
+    assert len(found["points"][0]) == 61
+    page = render(content, report_tables(content), {}, [found])
+    assert "What did not converge has no curve." in page
+
+
 def test_a_curve_that_two_figures_show_is_there_once() -> None:
     assert len(chart_data([TRACE, TRACE, replace(TRACE, branch="cooling")])) == 2
 

@@ -39,6 +39,7 @@ from sma_bayes.studies.fit.figures.campaign import (
 )
 from sma_bayes.studies.fit.figures.condition import loop_figure, overview_figure
 from sma_bayes.studies.fit.figures.marginals import corner_figure
+from sma_bayes.studies.fit.figures.publication import publication_figure
 from sma_bayes.studies.fit.figures.record import predictive_figure, residual_figure, trace_figure
 from sma_bayes.studies.fit.residuals import standardised_residuals
 
@@ -194,6 +195,51 @@ def test_a_record_that_did_not_converge_is_marked(content: Content, branch_of: G
     assert "not converged" in words(draw("overview", bad, branch_of).figure)
     for kind in ("parameters", "correlation"):
         assert "cross marks a record that did not converge" in draw(kind, bad, branch_of).caption
+
+
+def wild(branch: BranchData) -> BranchData:
+    """A branch that did not converge, whose curves are a thousand times too large."""
+    bands = {
+        channel: StoredBand(
+            band.temperature, {n: 1e3 * q for n, q in band.quantiles.items()}, band.extrapolated
+        )
+        for channel, band in branch.bands.items()
+    }
+    return replace(branch, bands=bands, content=replace(branch.content, converged=False))
+
+
+def test_a_curve_that_did_not_converge_has_no_say_in_the_axis(content: Content, branch_of: Gather) -> None:
+    """Of a wire in water it ran to -3000 mm, and nothing was seen of a stroke of 15 mm."""
+    branches = [branch_of(r) for r in content.records]
+    with mpl.rc_context(STYLE):
+        plain, other = (
+            loop_figure("c", some).figure for some in (branches, [wild(branches[0]), *branches[1:]])
+        )
+        alone = overview_figure("force", {"c": [wild(b) for b in branches]}).figure
+    for before, after in zip(plain.axes[:2], other.axes[:2], strict=True):
+        assert np.ptp(after.get_ylim()) == pytest.approx(np.ptp(before.get_ylim()), rel=0.2)
+    force = np.concatenate([b.stored.observed["force"] for b in branches])
+    assert np.ptp(alone.axes[0].get_ylim()) == pytest.approx(np.ptp(force), rel=0.2)
+
+
+def test_what_did_not_converge_is_measurements_alone_in_a_chart_and_for_a_paper(
+    content: Content, branch_of: Gather
+) -> None:
+    """A figure for a paper drew its curve and bands beside the others without a word."""
+    good, bad = (branch_of(r) for r in content.records)
+    bad = wild(bad)
+    with mpl.rc_context(STYLE):
+        figure = publication_figure("c", [good, bad], 3.3)
+        before = publication_figure("c", [good], 3.3)
+    assert f"{bad.content.branch}, not converged" in words(figure.figure)
+    assert "What did not converge has no curve" in figure.caption
+    for ax, alone in zip(figure.figure.axes, before.figure.axes, strict=True):
+        assert len(ax.lines) == len(alone.lines)
+        assert np.ptp(ax.get_ylim()) < 10.0 * np.ptp(alone.get_ylim())
+    traces = overview_figure("force", {"c": [good, bad]}).traces
+    assert [bool(t.quantiles) for t in traces] == [True, False]
+    assert traces[1].measured is not None
+    assert len(overview_figure("stiffness", {"c": [good, bad]}).traces) == 1, "nothing of it was measured"
 
 
 def steep(branch: BranchData, low: float, high: float) -> BranchData:

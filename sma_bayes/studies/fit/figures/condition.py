@@ -198,7 +198,7 @@ def branch_on_axes(ax: Axes, branch: BranchData, channel: str, *, small: bool = 
     band = branch.bands[channel]
     q, t = band.quantiles, band.temperature
     if channel in branch.stored.observed:
-        _points(ax, branch, channel, 4.0 if small else 9.0)
+        points_on_axes(ax, branch, channel, 4.0 if small else 9.0)
     if small and not branch.content.converged:
         ax.plot(t, q["q50"], color=WARNING, lw=0.8, ls="--", zorder=3.2)
         return
@@ -283,7 +283,7 @@ def _about_median(ax: Axes, branch: BranchData, channel: str) -> None:
     ax.axhline(0.0, color=INK, lw=0.4, zorder=1)
 
 
-def _points(ax: Axes, branch: BranchData, channel: str, size: float) -> None:
+def points_on_axes(ax: Axes, branch: BranchData, channel: str, size: float = 9.0) -> None:
     """Draw measurements, later cycles darker."""
     stored, colour = branch.stored, np.array(to_rgb(COLOURS[branch.content.branch]))
     cycle = stored.inputs.get("cycle", np.zeros(stored.row.size))
@@ -315,16 +315,27 @@ def _frame(ax: Axes, channel: Channel, branches: Sequence[BranchData]) -> None:
 
 
 def limits(ax: Axes, channel: str, branches: Sequence[BranchData], shown: Sequence[str]) -> str:
-    """Set the vertical limits by data and median, let bands have twice that, and say what was done."""
+    """Set the vertical limits by data and median, let bands have twice that, and say what was done.
+
+    Where there are data the curve of a branch that did not converge, which may be anywhere, has no say.
+    """
     base = [b.stored.observed[channel] for b in branches if channel in b.stored.observed]
-    bands = [b.bands[channel].quantiles for b in branches if channel in b.bands]
-    base += [q["q50"] for q in bands]
-    wide = np.concatenate([q[name] for q in bands for name in shown])
-    middle = np.concatenate(base)
-    middle, wide = middle[np.isfinite(middle)], wide[np.isfinite(wide)]
+    converged = [b for b in branches if b.content.converged]
+    bands = [b.bands[channel].quantiles for b in converged if channel in b.bands]
+    if not (base or bands):
+        bands = [b.bands[channel].quantiles for b in branches if channel in b.bands]
+    middle, curves, wide = (
+        values[np.isfinite(values)]
+        for values in map(
+            np.concatenate,
+            (
+                base + [q["q50"] for q in bands],
+                [q["q50"] for q in bands] or base,
+                [q[name] for q in bands for name in shown] or base,
+            ),
+        )
+    )
     low, high = float(middle.min()), float(middle.max())
-    curves = np.concatenate([q["q50"] for q in bands])
-    curves = curves[np.isfinite(curves)]
     if wide.min() > 0 and low > 0 and curves.max() / curves.min() > LOGARITHMIC_RATIO:
         top = min(float(wide.max()), low * MAX_LOGARITHMIC_RATIO)
         ax.set_yscale("log")
@@ -343,7 +354,8 @@ def loop_legend(branches: Sequence[BranchData], channels: Sequence[Channel]) -> 
     handles: list[Any] = []
     for b in branches:
         colour = COLOURS[b.content.branch]
-        handles.append(Line2D([], [], color=colour, lw=1.2, label=f"{b.content.branch}, median"))
+        told = "median" if b.content.converged else "not converged"
+        handles.append(Line2D([], [], color=colour, lw=1.2, label=f"{b.content.branch}, {told}"))
     handles += [
         Patch(color=FAINT, alpha=0.85, lw=0, label="50 % credible"),
         Patch(color=FAINT, alpha=0.4, lw=0, label="90 % credible"),
@@ -432,7 +444,7 @@ def _overview_data(channel: str, conditions: Mapping[str, Sequence[BranchData]])
 def traces_of(
     conditions: Mapping[str, Sequence[BranchData]], channels: Sequence[Channel]
 ) -> tuple[Trace, ...]:
-    """Curves, bands and measurements of these channels; a branch that did not converge has no band.
+    """Curves, bands and measurements of these channels; a branch that did not converge has measurements alone.
 
     Parameters
     ----------
@@ -445,13 +457,13 @@ def traces_of(
         for channel in channels
         for condition, branches in conditions.items()
         for b in branches
-        if channel.channel in b.bands
+        if channel.channel in b.bands and (b.content.converged or channel.channel in b.stored.observed)
     )
 
 
 def _trace(condition: str, branch: BranchData, channel: Channel) -> Trace:
     band, stored = branch.bands[channel.channel], branch.stored
-    names = ("q50", "q05", "q95", "pred_q05", "pred_q95") if branch.content.converged else ("q50",)
+    names = ("q50", "q05", "q95", "pred_q05", "pred_q95") if branch.content.converged else ()
     inside = band.temperature[~band.extrapolated]
     measured = stored.observed.get(channel.channel)
     return Trace(

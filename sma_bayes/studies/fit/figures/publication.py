@@ -18,6 +18,7 @@ from sma_bayes.studies.fit.figures.condition import (
     limits,
     loop_data,
     loop_legend,
+    points_on_axes,
 )
 
 PANEL_ASPECT = 0.62
@@ -28,6 +29,8 @@ LEAST, WIDEST = 30.0, 1000.0
 
 def publication_figure(condition: str, branches: Sequence[BranchData], width: float) -> Drawing:
     """Heating and cooling of a condition, a panel for each channel, one above the other.
+
+    Of a branch that did not converge there are measurements alone.
 
     Parameters
     ----------
@@ -42,8 +45,12 @@ def publication_figure(condition: str, branches: Sequence[BranchData], width: fl
     axes = figure.subplots(len(channels), 1, sharex=True, squeeze=False)[:, 0]
     for ax, channel in zip(axes, channels, strict=True):
         for branch in branches:
-            if branch.content.channel(channel.channel) is not None:
+            if branch.content.channel(channel.channel) is None:
+                continue
+            if branch.content.converged:
                 branch_on_axes(ax, branch, channel.channel)
+            elif channel.channel in branch.stored.observed:
+                points_on_axes(ax, branch, channel.channel)
         limits(ax, channel.channel, branches, ("q05", "q95", "pred_q05", "pred_q95"))
         ax.set_ylabel(axis_label(channel, take_power(ax.yaxis)))
     figure.align_ylabels(axes)
@@ -61,6 +68,7 @@ def publication_figure(condition: str, branches: Sequence[BranchData], width: fl
         caption=(
             f"{condition}: {names} against temperature. Points: measurements; line: posterior median; inner and outer "
             "band: 50 % and 90 % credible intervals of the curve; dotted: 90 % predictive interval."
+            + ("" if all(b.content.converged for b in branches) else " What did not converge has no curve.")
         ),
         alt=f"{names} against temperature for condition {condition}",
         figure=figure,
