@@ -8,7 +8,7 @@ the fold is predicted, with and without them.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import NDArray
@@ -18,16 +18,25 @@ from sma_bayes.arrays import Floats
 from sma_bayes.effects.types import Effect
 from sma_bayes.records.history import History
 from sma_bayes.runs.jobs import run
-from sma_bayes.studies.gap.fitting import FittedHypothesis, fit_hypothesis, fit_with_noise, measured, stacked
+from sma_bayes.studies.gap.fitting import (
+    FittedHypothesis,
+    fit_hypothesis,
+    fit_with_noise,
+    held_at,
+    measured,
+    stacked,
+)
 from sma_bayes.studies.gap.flexible import COEFFICIENT_SD_GRID, Term, TermEvidence, gains, terms_of
 from sma_bayes.studies.gap.hypothesis import Hypothesis
 from sma_bayes.studies.gap.name import Candidate
-from sma_bayes.studies.gap.noise import Noise, blocks_of, whiten
+from sma_bayes.studies.gap.noise import BlockNoise, Noise, blocks_of, whiten
 from sma_bayes.studies.gap.study import SIGNIFICANT_P, GapStudy, study_from
 
 NOISE_ONLY_RMS = 1.0
 """Root mean square of innovations without any gap, in standard deviations of the noise."""
 FOLDS = 3
+NOISE_DRAWS = 200
+"""Draws of the noise by which is told what it alone leaves."""
 HELD_OUT_STRETCHES = 12
 """Stretches of a sweep that are dealt out where there is only one cycle and no other condition."""
 
@@ -43,7 +52,8 @@ class ChannelGap:
     before_sigma, after_sigma : float
         Root mean square as innovations of the noise, in its standard deviations.
     before, after, noise : float
-        Root mean square as they are, and standard deviation of the noise [unit of the channel].
+        Root mean square as they are, and what the noise alone would leave of them [unit of the channel]. Noise that
+        hardly changes is followed by the parameters, so that it leaves less than its standard deviation.
     """
 
     before_sigma: float
@@ -166,7 +176,7 @@ class Predicted:
         Of innovations: before, after, and with a flexible term besides.
     channels : mapping of str to ndarray, shape (6,)
         Of each channel: samples; squared innovations before and after; squared residuals before and after [unit^2];
-        variances of the noise, summed over the samples [unit^2].
+        what noise alone would leave of these [unit^2].
     chosen : tuple of str
     """
 
@@ -222,18 +232,20 @@ def predict_fold(fold: Fold) -> Predicted:
     final = study_from(base, fold.effects, np.random.default_rng(fold.seed), lambda _: None).final
     noise = _noise_on(fold.study.final, out)
     extended = test.with_effects(final.hypothesis.effects)
+    rows = _rows(first, kept), _rows(first, out)
     left = (
         _residual(test, base.theta),
         _residual(extended, final.theta),
-        _with_flexible(final, extended, fold.study.final, _rows(first, kept), _rows(first, out)),
+        _with_flexible(final, extended, fold.study.final, *rows),
     )
+    alone = by_noise_alone(final, extended, fold.study.final, *rows, np.random.default_rng((*fold.seed, 1)))
     blocks = blocks_of(test)
     whitened = [whiten(blocks, noise, r) ** 2 for r in left]
     channels: dict[str, Floats] = {}
-    for block, own in zip(blocks, noise, strict=True):
+    for block in blocks:
         n = block.first.size
-        squares = [np.sum(x[block.at]) for x in (whitened[0], whitened[1], left[0] ** 2, left[1] ** 2)]
-        own_sums = np.array([n, *squares, n * own.sd**2])
+        parts = (whitened[0], whitened[1], left[0] ** 2, left[1] ** 2, alone)
+        own_sums = np.array([n, *(np.sum(x[block.at]) for x in parts)])
         channels[block.channel] = channels.get(block.channel, 0.0) + own_sums
     chosen = tuple(e.id for e in final.hypothesis.effects)
     return Predicted(np.array([w.sum() for w in whitened]), channels, chosen)
@@ -285,6 +297,39 @@ def _noise_on(fitted: FittedHypothesis, kept: Masks) -> Noise:
         for b, n in zip(fitted.blocks, fitted.noise, strict=True)
         if kept[b.history].any()
     )
+
+
+def by_noise_alone(
+    train: FittedHypothesis,
+    test: Hypothesis,
+    whole: FittedHypothesis,
+    rows_train: NDArray[np.intp],
+    rows_test: NDArray[np.intp],
+    rng: np.random.Generator,
+) -> Floats:
+    """Mean squares that the noise alone would leave of what is held out (N_test,), once parameters followed the rest.
+
+    Parameters
+    ----------
+    train : FittedHypothesis
+        Fitted to the rest.
+    test : Hypothesis
+        The same about what is held out.
+    whole : FittedHypothesis
+        Whose noise it is, of all samples.
+    rows_train, rows_test : ndarray of int
+        Places of either among all samples.
+    rng : numpy.random.Generator
+    """
+    noise = np.empty((whole.whitened.size, NOISE_DRAWS))
+    for block, own in zip(whole.blocks, whole.noise, strict=True):
+        fresh = rng.standard_normal((block.first.size, NOISE_DRAWS))
+        noise[block.at] = replace(own, others=()).as_likely(fresh, rng)
+    pull = train.jacobian.T @ train.whiten(noise[rows_train].T).T
+    unit = tuple(BlockNoise(1.0, np.zeros(b.first.size)) for b in blocks_of(test))
+    slopes = held_at(test, train.z, unit).jacobian
+    left = noise[rows_test] - slopes @ np.linalg.solve(train.precision, pull)
+    return np.asarray(np.mean(left**2, axis=1))
 
 
 def _residual(hypothesis: Hypothesis, theta: Floats) -> Floats:

@@ -247,7 +247,9 @@ class StatedChannelGap(DocumentPart):
     after_sigma: Number = Field(description="the same with what was chosen [1]")
     before: InUnit[Number] = Field(description="root mean square without effects [`unit`]")
     after: InUnit[Number] = Field(description="the same with what was chosen [`unit`]")
-    noise: InUnit[Number] = Field(description="standard deviation of the noise [`unit`]")
+    noise: InUnit[Number] = Field(
+        description="what noise alone would leave, with the parameters as they would follow it [`unit`]"
+    )
     way_to_noise: Number = Field(description="(before − after)/(before − 1) of the innovations [1]")
 
 

@@ -71,7 +71,7 @@ def closed_table(study: StoredStudy) -> Table:
         "gap",
         "Held-out residuals beside the noise",
         "Root mean square of what was held out, before and after effects were added: as innovations of the noise, in "
-        "its standard deviations, and as they are, beside the standard deviation of the noise. Share of the gap "
+        "its standard deviations, and as they are, beside what noise alone would leave. Share of the gap "
         "closed: of the way from before to noise alone.",
         (
             Column("channel", "channel"),

@@ -74,7 +74,7 @@ def closed_text(found: GapOfModel) -> str:
     Returns
     -------
     str
-        ``rms 5.47 σ before, 5.15 after, noise 1: 7 % of the way; force 0.52 N before, 0.49 after, noise 0.1``
+        ``rms 5.47 σ before, 5.15 after, noise 1: 7 % of the way; force 0.52 N before, 0.49 after, noise alone 0.1``
     """
     gap = found.gap
     way = f"{100.0 * gap.way_to_noise:.0f} % of the way" if gap.before > 1.0 else "no more than noise"
@@ -83,7 +83,7 @@ def closed_text(found: GapOfModel) -> str:
         unit = f" {unit_label(c.unit)}".rstrip()
         parts.append(
             f"{channel_text(found.channels, channel)} {c.before:.3g}{unit} before, {c.after:.3g} after, "
-            f"noise {c.noise:.3g}"
+            f"noise alone {c.noise:.3g}"
         )
     return "; ".join(parts)
 

@@ -11,7 +11,17 @@ from sma_bayes.effects import EFFECTS
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.history import histories
 from sma_bayes.studies.gap import close as module
-from sma_bayes.studies.gap.close import FOLDS, Fold, Gap, close, folds_of, held_out_scores, predict_fold
+from sma_bayes.studies.gap.close import (
+    FOLDS,
+    Fold,
+    Gap,
+    by_noise_alone,
+    close,
+    folds_of,
+    held_out_scores,
+    predict_fold,
+)
+from sma_bayes.studies.gap.fitting import fit_hypothesis
 from sma_bayes.studies.gap.study import GapStudy, study_campaign
 
 PRIORS = read_priors("modified_sigmoid")
@@ -50,6 +60,40 @@ def test_every_sample_is_held_out_once(of, pooled: bool, named: str, rig) -> Non
                 assert m.all() or not m.any()
             else:  # whole stretches: far fewer changes than samples
                 assert 0 < np.count_nonzero(np.diff(m)) <= 12 * np.unique(h.inputs["segment"]).size
+
+
+def test_noise_alone_leaves_what_dense_matrices_say(make_line, monkeypatch) -> None:
+    """Of a linear model, with noise that the parameters follow: less than its standard deviation."""
+    monkeypatch.setattr(module, "NOISE_DRAWS", 40_000)
+    line = make_line(phi=0.99, n=40)
+    whole = fit_hypothesis(line.hypothesis, line.prior_mean, line.noise)
+    histories_of = line.hypothesis.histories
+    out = [np.arange(h.n) % 20 < 5 for h in histories_of]
+    held = np.concatenate(out)
+    kept = [~m for m in out]
+    train = fit_hypothesis(
+        line.hypothesis.on(kept), line.prior_mean, tuple(n.on(k) for n, k in zip(line.noise, kept, strict=True))
+    )
+    test, rows = line.hypothesis.on(out), (np.flatnonzero(~held), np.flatnonzero(held))
+    found = by_noise_alone(train, test, whole, *rows, np.random.default_rng(0))
+    shape = _covariance_without_gaps(train)
+    x = line.x[~held]
+    gain = np.linalg.solve(
+        x.T @ np.linalg.solve(shape, x) + np.diag(line.prior_sd**-2.0), np.linalg.solve(shape, x).T
+    )
+    to_left = np.zeros((held.sum(), held.size))
+    to_left[:, held] = np.eye(held.sum())
+    to_left[:, ~held] = -line.x[held] @ gain
+    exact = np.diag(to_left @ line.covariance @ to_left.T)
+    np.testing.assert_allclose(found, exact, rtol=0.05)
+    assert found.mean() == pytest.approx(exact.mean(), rel=0.02)
+    assert exact.mean() < 0.8 * np.diag(line.covariance)[held].mean()
+
+
+def _covariance_without_gaps(fitted) -> np.ndarray:
+    """Covariance of noise as the fit takes it, which begins anew after what is held out."""
+    rows = fitted.whiten(np.eye(fitted.whitened.size))
+    return np.linalg.inv(rows @ rows.T)
 
 
 @pytest.fixture
