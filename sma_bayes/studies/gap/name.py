@@ -456,7 +456,8 @@ def _in_steps(fitted: FittedHypothesis, screened: Sequence[Screened], *, every: 
             out.append(s)
             continue
         gain, start = gained_in_steps(fitted, s.effect, s.start)
-        out.append(replace(s, gain=gain, start=start))
+        # a Bayes factor is no greater than the gain of likelihood; that of the signature may be, far from the model
+        out.append(replace(s, gain=gain, start=start, ln_bayes_factor=min(s.ln_bayes_factor, max(gain, 0.0))))
     return sorted(out, key=lambda s: -s.gain)
 
 

@@ -274,7 +274,7 @@ def judgement(study: GapStudy, candidate: Candidate) -> tuple[Status, str]:
         return "rejected", f"there is no disagreement to explain (p = {study.p_value:.2g})"
     if candidate.fitted is None:
         return "rejected", (
-            "not fitted in full: in the screening, by its signature, others explained far more"
+            "not fitted in full: in the screening, by its signature or by steps of a fit, others explained far more"
         )
     if candidate.ln_bayes_factor < LEAST_LN_BAYES_FACTOR:
         return "rejected", f"ln Bayes factor {candidate.ln_bayes_factor:.1f}, below {LEAST_LN_BAYES_FACTOR:g}"

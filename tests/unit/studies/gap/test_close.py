@@ -72,7 +72,9 @@ def test_noise_alone_leaves_what_dense_matrices_say(make_line, monkeypatch) -> N
     held = np.concatenate(out)
     kept = [~m for m in out]
     train = fit_hypothesis(
-        line.hypothesis.on(kept), line.prior_mean, tuple(n.on(k) for n, k in zip(line.noise, kept, strict=True))
+        line.hypothesis.on(kept),
+        line.prior_mean,
+        tuple(n.on(k) for n, k in zip(line.noise, kept, strict=True)),
     )
     test, rows = line.hypothesis.on(out), (np.flatnonzero(~held), np.flatnonzero(held))
     found = by_noise_alone(train, test, whole, *rows, np.random.default_rng(0))
