@@ -130,11 +130,13 @@ def choose_noise(
     `MEMORY_LN_EVIDENCE_LOSS`. Discrepancies are taken where the evidence of all channels together is greater with them
     (by `LEAST_LN_EVIDENCE_GAIN` beside a memory, which a smooth misfit resembles): force and displacement are of one
     specimen, and where the curve fails in one of them the other, in more noise, is no better known. Before another
-    series a discrepancy counts as a memory does. Where records have several sweeps all of this is done once more with
-    what each sweep has of its own beside the discrepancy, which is taken where it gains `LEAST_LN_EVIDENCE_GAIN`.
-    Heavy tails, growth and an error of the thermometer take no part in that, on neither side. Under heavy tails the
-    readings of a sweep that differs pass for outliers, or those of the others do, and each way is a mode that Laplace's
-    method does not see beyond. The others follow the common curve, would tell where it lies by how the noise of sweeps
+    series a discrepancy counts as a memory does. Where heavy tails and a discrepancy are taken, the choice is made once
+    more without heavy tails: under them what a smooth function does not resolve passes for outliers, and the curve for
+    better known than it is. Where records have several sweeps all of this is done once more with what each sweep has of
+    its own beside the discrepancy, which is taken where it gains `LEAST_LN_EVIDENCE_GAIN`. Heavy tails, growth and an
+    error of the thermometer take no part in that, on neither side. Under heavy tails the readings of a sweep that
+    differs pass for outliers, or those of the others do, and each way is a mode that Laplace's method does not see
+    beyond. The others follow the common curve, would tell where it lies by how the noise of sweeps
     changes that lie elsewhere, and sweeps that are shifted scatter most where the curve is steep, which is what an
     error of the thermometer does to readings.
 
@@ -163,7 +165,25 @@ def choose_noise(
 
 
 def _chosen(residuals: _Residuals, noise: str | None) -> tuple[NoiseChoice, float]:
-    """What describes residuals best, of one noise model or all; see `choose_noise`.
+    """What describes residuals best, of one noise model or all, no heavy tails beside a discrepancy unless asked for.
+
+    Returns
+    -------
+    NoiseChoice
+    supported : float
+        See `_best`.
+    """
+    choice, supported = _best(residuals, noise)
+    model = NOISE_MODELS[choice.name]
+    if noise is not None or model.is_gaussian or choice.name == ROUNDED or not any(choice.bases):
+        return choice, supported
+    normal, supported = _best(residuals, None, tails=False)
+    why = f"{model.title} is not taken, since what a discrepancy does not resolve passes for outliers beside one"
+    return replace(normal, reason=f"{normal.reason}; {why}"), supported
+
+
+def _best(residuals: _Residuals, noise: str | None, *, tails: bool = True) -> tuple[NoiseChoice, float]:
+    """What describes residuals best, of one noise model or all, those with heavy `tails` or not; see `choose_noise`.
 
     Returns
     -------
@@ -178,8 +198,7 @@ def _chosen(residuals: _Residuals, noise: str | None) -> tuple[NoiseChoice, floa
     series_alone: float | None = None
 
     def look(name: str) -> _Description:
-        if name not in found:
-            found[name] = residuals.described(NOISE_MODELS[name])
+        found[name] = residuals.described(NOISE_MODELS[name])
         return found[name]
 
     if noise is not None:
@@ -200,7 +219,7 @@ def _chosen(residuals: _Residuals, noise: str | None) -> tuple[NoiseChoice, floa
             and not model.stands_alone
             and (not model.needs_time or all(_uneven(s) for s in posterior.steps))
             and (signs.memory or not model.autocorrelated)
-            and (model.is_gaussian or (signs.tails and not apart))
+            and (model.is_gaussian or (tails and signs.tails and not apart))
         ]
         best = max(
             names, key=lambda n: look(n).supported - LEAST_LN_EVIDENCE_GAIN * _features(NOISE_MODELS[n])
@@ -412,6 +431,7 @@ class _Residuals:
         self.posterior = posterior
         self.start = start
         self.priors = priors
+        self.descriptions: dict[str, _Description] = {}
         theta = start.theta
         with np.errstate(all="ignore"):
             self.slope = [posterior.model.slope(theta, r.inputs) for r in posterior.records]
@@ -445,7 +465,7 @@ class _Residuals:
         if not _sweeps_apart(bases):
             return None
         other = copy(self)
-        other.bases = tuple(bases)
+        other.bases, other.descriptions = tuple(bases), {}
         return other
 
     def signs(self, description: _Description) -> _Signs:
@@ -510,6 +530,12 @@ class _Residuals:
         return tuple(found)
 
     def described(self, noise: NoiseModel) -> _Description:
+        """What a noise model makes of the residuals; looked at once."""
+        if noise.name not in self.descriptions:
+            self.descriptions[noise.name] = self._described(noise)
+        return self.descriptions[noise.name]
+
+    def _described(self, noise: NoiseModel) -> _Description:
         total, gain = 0.0, dict.fromkeys(self.posterior.records[0].channels, 0.0)
         found: dict[tuple[int, str], tuple[_FittedNoise, _FittedNoise | None]] = {}
         for i, record in enumerate(self.posterior.records):
