@@ -227,12 +227,16 @@ def stiffness_only(repeat: int, rng: np.random.Generator, data: Path) -> Case:
     return measured(design, k, Instrument(), rng, "stiffness only")
 
 
-def shaped(shape: Callable[[Design, np.random.Generator], Callable[..., Curve]]) -> Make:
-    """Another curve than the published one, white noise."""
+def shaped(
+    shape: Callable[[Design, np.random.Generator], Callable[..., Curve]], instrument: Instrument | None = None
+) -> Make:
+    """Another curve than the published one, white noise unless an instrument has another."""
 
     def make(repeat: int, rng: np.random.Generator, data: Path) -> Case:
         design = Design.of(repeat, rng)
-        return measured(design, pair(design, rng, shape(design, rng)), Instrument(), rng, "shape")
+        return measured(
+            design, pair(design, rng, shape(design, rng)), instrument or Instrument(), rng, "shape"
+        )
 
     return make
 
@@ -384,6 +388,10 @@ TRUTHS: dict[str, Truth] = {
     "rounded": Truth("rounded to steps of 5 standard deviations", published(Instrument(rounded_to=5.0))),
     "phase_slopes": Truth("slopes of the phases", shaped(_phase_slopes)),
     "second_step": Truth("a second step of 15 %", shaped(_second_step)),
+    "second_step_student_t": Truth(
+        "a second step of 15 %, noise of Student's t, 3 degrees",
+        shaped(_second_step, Instrument(noises.student(3.0))),
+    ),
     "richards": Truth("Richards' curve, ν = 0.4", shaped(_richards)),
     "hardening": Truth("smooth hardening (Lagoudas et al. 2012)", shaped(_hardening)),
     "differing_sweeps": Truth("4, 5 or 8 sweeps that differ, second steps of some 15 %", differing_sweeps),
