@@ -9,7 +9,8 @@ with errors e of the common curve, and what the sweep has of its own: a discrepa
 beside its own curve, orthogonal to what its four numbers do. Each sweep has a size of its own, since the first ones
 differ from all others by more than these from each other. Sizes and the standard deviation of the noise are their most
 probable values once e and v_i are integrated out, found by expectation and maximisation over e. Noise is white, so that
-what is slow within a sweep is its own. A sweep to come has as much of its own as one of those that were measured.
+what is slow within a sweep is its own. A sweep to come has as much of its own as one of the later half of those that
+were measured.
 
 References
 ----------
@@ -95,7 +96,7 @@ class OwnShapeToCome:
     basis : DiscrepancyBasis
         m functions of temperature.
     sizes : ndarray, shape (n,)
-        Of measured sweeps, of which it has one.
+        Of measured sweeps, one of which it has.
     """
 
     basis: DiscrepancyBasis

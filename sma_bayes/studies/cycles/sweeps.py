@@ -198,7 +198,9 @@ class Strand:
         if not self.own or self.scatter is None:
             return None
         own = self.own[-1 if sweep is None else sweep]
-        return own if own is None or sweep is not None else OwnShapeToCome(own.basis, self.scatter.sizes)
+        if own is None or sweep is not None:
+            return own
+        return OwnShapeToCome(own.basis, self.scatter.sizes[len(self.scatter.sizes) // 2 :])
 
     def follow(self, sweep: int | None, numbers: Floats, errors: Floats | None) -> Floats:
         """Numbers (S, 4) of one sweep, or of one to come, beside errors (S, m + r) of the common curve."""
