@@ -7,7 +7,8 @@ What curve and numbers leave of sweep i is
 
 with errors e of the common curve, and what the sweep has of its own: a discrepancy (`sma_bayes.fitting.discrepancy`)
 beside its own curve, orthogonal to what its four numbers do. Each sweep has a size of its own, since the first ones
-differ from all others by more than these from each other. Sizes and the standard deviation of the noise are their most
+differ from all others by more than these from each other; a priori the logarithm of one is normal about a mean that
+all sweeps tell together. Sizes and the standard deviation of the noise are their most
 probable values once e and v_i are integrated out, found by expectation and maximisation over e. Noise is white, so that
 what is slow within a sweep is its own. A sweep to come has as much of its own as one of the later half of those that
 were measured.
@@ -25,6 +26,7 @@ from typing import Final
 
 import numpy as np
 from scipy.optimize import minimize_scalar
+from scipy.special import softmax
 
 from sma_bayes.arrays import Floats, Ints
 from sma_bayes.fitting.discrepancy import MEDIAN_SIZE, SIGMA_OF_SIZE, DiscrepancyBasis
@@ -36,6 +38,8 @@ LEAST_NOISE: Final = 1e-5
 """Least noise that is reckoned with [spans]."""
 LN_TOLERANCE: Final = 1e-2
 """To which the logarithms of the standard deviations are found."""
+SD_OF_LN_SIZE: Final = 1.0
+"""Standard deviation of the logarithms of the sizes of sweeps about their mean, a priori."""
 MAX_ROUNDS: Final = 50
 """Most rounds of expectation and maximisation."""
 
@@ -122,10 +126,13 @@ class CycleScatter:
         Of a reading about the curve of its sweep [unit of the channel].
     sizes : ndarray, shape (n,)
         Root mean square of what each sweep has of its own over its samples [unit of the channel].
+    usual_size : float
+        About which these are a priori.
     """
 
     noise: float
     sizes: Floats
+    usual_size: float
 
     def own(self, sweeps: Sequence[SweepResidual], common: Floats) -> list[OwnShape]:
         """What each sweep has of its own beside a common curve with expected weights (k,)."""
@@ -154,27 +161,36 @@ def scatter_of(sweeps: Sequence[SweepResidual], missed: int, span: float, noise:
         To start from [unit of the channel].
     """
     known = _Known.of(sweeps)
-    usual = MEDIAN_SIZE * span
-    ln_prior = -0.5 * LN_SIZE_GRID**2
-    grid = usual * np.exp(SIGMA_OF_SIZE * LN_SIZE_GRID)
-    sizes, of_common, noise = np.full(len(sweeps), usual), usual, max(noise, LEAST_NOISE * span)
+    ln_usual = usual = float(np.log(MEDIAN_SIZE * span))
+    ln_size = usual + SIGMA_OF_SIZE * LN_SIZE_GRID
+    grid = np.exp(ln_size)
+    of_common = float(np.exp(usual))
+    sizes, noise = np.full(len(sweeps), of_common), max(noise, LEAST_NOISE * span)
     for _ in range(MAX_ROUNDS):
         variance = noise**2 + sizes[known.sweep] ** 2 * known.power
         error, spread = known.common(variance, noise, of_common, missed)
         along, beside = known.squares(error, spread)
-        before = np.array([noise, *sizes])
+        before = np.array([noise, np.exp(ln_usual), *sizes])
         each = grid[:, None] ** 2 * known.power + noise**2
         cost = np.zeros((grid.size, len(sweeps)))
         np.add.at(cost.T, known.sweep, (np.log(each) + along / each).T)
-        sizes = grid[np.argmax(ln_prior[:, None] - 0.5 * cost, axis=0)]
+        density = -0.5 * cost - 0.5 * ((ln_size - ln_usual) / SD_OF_LN_SIZE)[:, None] ** 2
+        sizes = grid[np.argmax(density, axis=0)]
+        ln_usual = _mean_ln_size(ln_size @ softmax(density, axis=0), usual)
         if missed:
             square = float(error[:missed] @ error[:missed] + np.trace(spread[:missed, :missed]))
-            of_common = grid[np.argmax(ln_prior - missed * np.log(grid) - 0.5 * square / grid**2)]
+            of_common = grid[np.argmax(-0.5 * LN_SIZE_GRID**2 - missed * ln_size - 0.5 * square / grid**2)]
         own = sizes[known.sweep] ** 2 * known.power
         noise = _likeliest_noise(own, along, beside, known.free, noise, LEAST_NOISE * span)
-        if np.all(np.abs(np.log(np.array([noise, *sizes]) / before)) < LN_TOLERANCE):
+        if np.all(np.abs(np.log(np.array([noise, np.exp(ln_usual), *sizes]) / before)) < LN_TOLERANCE):
             break
-    return CycleScatter(noise, sizes)
+    return CycleScatter(noise, sizes, float(np.exp(ln_usual)))
+
+
+def _mean_ln_size(expected: Floats, usual: float) -> float:
+    """Mean of ln sizes of sweeps, from what is expected of each and what is usual."""
+    precision = expected.size / SD_OF_LN_SIZE**2
+    return float((usual / SIGMA_OF_SIZE**2 + precision * expected.mean()) / (SIGMA_OF_SIZE**-2 + precision))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

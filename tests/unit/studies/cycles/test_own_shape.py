@@ -7,18 +7,18 @@ import pytest
 from scipy.optimize import minimize
 
 from sma_bayes.fitting.discrepancy import MEDIAN_SIZE, SIGMA_OF_SIZE, build_basis
-from sma_bayes.studies.cycles.own_shape import CycleScatter, SweepResidual, scatter_of
+from sma_bayes.studies.cycles.own_shape import SD_OF_LN_SIZE, CycleScatter, SweepResidual, scatter_of
 
 SPAN, NOISE = 2.0, 0.01
 SIZES = np.array([0.2, 0.08, 0.03, 0.03, 0.03])
 COMMON = 3
 
 
-def simulated(seed: int = 0, samples: int = 40) -> list[SweepResidual]:
-    """Five sweeps of a common curve with three functions."""
+def simulated(seed: int = 0, samples: int = 40, sizes: np.ndarray = SIZES) -> list[SweepResidual]:
+    """Sweeps of a common curve with three functions."""
     rng = np.random.default_rng(seed)
     error, found = 0.02 * rng.standard_normal(COMMON), []
-    for size in SIZES:
+    for size in sizes:
         t = np.sort(rng.uniform(0.0, 100.0, samples))
         nodes = np.linspace(0.0, 100.0, 161)
         numbers, at_nodes = (np.vander((x - 50.0) / 50.0, 4) for x in (t, nodes))
@@ -33,7 +33,7 @@ def simulated(seed: int = 0, samples: int = 40) -> list[SweepResidual]:
     return found
 
 
-def density(sweeps: list[SweepResidual], x: np.ndarray) -> float:
+def density(sweeps: list[SweepResidual], x: np.ndarray, usual_size: float) -> float:
     """Log posterior density of noise, size of the common curve's errors, and sizes, by dense matrices."""
     noise, of_common, sizes = np.exp(x[0]), np.exp(x[1]), np.exp(x[2:])
     n = [s.residual.size for s in sweeps]
@@ -48,8 +48,8 @@ def density(sweeps: list[SweepResidual], x: np.ndarray) -> float:
     r = np.concatenate([s.residual for s in sweeps])
     ln_evidence = -0.5 * (r @ np.linalg.solve(whole, r) + np.linalg.slogdet(whole)[1])
     ln_evidence += 4.0 * len(sweeps) * np.log(noise)  # four samples of each that the numbers account for
-    usual = np.log(MEDIAN_SIZE * SPAN)
-    return float(ln_evidence - 0.5 * np.sum(((x[1:] - usual) / SIGMA_OF_SIZE) ** 2))
+    ln_prior = -0.5 * ((x[1] - np.log(MEDIAN_SIZE * SPAN)) / SIGMA_OF_SIZE) ** 2
+    return float(ln_evidence + ln_prior - 0.5 * np.sum(((x[2:] - np.log(usual_size)) / SD_OF_LN_SIZE) ** 2))
 
 
 @pytest.mark.parametrize("seed", [0, 1, 2])
@@ -59,7 +59,10 @@ def test_scatter_is_that_of_the_greatest_density(seed: int) -> None:
     found = scatter_of(sweeps, COMMON, SPAN, 0.05)
     start = np.log(np.concatenate([[found.noise, 0.02], found.sizes]))
     best = minimize(
-        lambda x: -density(sweeps, x), start, method="Nelder-Mead", options={"maxiter": 4000, "maxfev": 4000}
+        lambda x: -density(sweeps, x, found.usual_size),
+        start,
+        method="Nelder-Mead",
+        options={"maxiter": 4000, "maxfev": 4000},
     )
     assert np.exp(best.x[0]) == pytest.approx(found.noise, rel=0.02)
     assert np.exp(best.x[2:]) == pytest.approx(found.sizes, rel=0.15)
@@ -78,7 +81,7 @@ def test_sizes_and_noise_come_back() -> None:
 def test_own_shape_is_the_conditional_distribution() -> None:
     """Mean and covariance of the own weights given residual and common curve, by dense matrices."""
     sweeps, common = simulated(), np.array([0.01, -0.02, 0.03])
-    scatter = CycleScatter(NOISE, SIZES)
+    scatter = CycleScatter(NOISE, SIZES, 0.03)
     for s, size, own in zip(sweeps, SIZES, scatter.own(sweeps, common), strict=True):
         design = s.basis.rows.T
         whole = np.linalg.inv(design.T @ design / NOISE**2 + np.eye(s.basis.count) / size**2)
@@ -87,3 +90,11 @@ def test_own_shape_is_the_conditional_distribution() -> None:
         assert own.sd**2 == pytest.approx(np.diag(whole), rel=1e-6)
         moved = whole @ design.T @ (s.residual - s.common @ (common + np.array([0.0, 1e-3, 0.0]))) / NOISE**2
         assert 1e-3 * own.follows[1] == pytest.approx(moved - mean, rel=1e-6, abs=1e-12)
+
+
+def test_sweeps_tell_together_that_they_have_nothing_of_their_own() -> None:
+    """Of twenty sweeps of one curve the usual size falls to where the noise hides it, from 0.01 spans."""
+    scatter = scatter_of(simulated(sizes=np.zeros(20)), COMMON, SPAN, 0.05)
+    assert scatter.usual_size < 0.0015 * SPAN
+    assert scatter.sizes.max() < 0.003 * SPAN
+    assert scatter.noise == pytest.approx(NOISE, rel=0.05)
