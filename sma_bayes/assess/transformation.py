@@ -33,8 +33,9 @@ from sma_bayes.fitting.fit import Fit
 from sma_bayes.records.types import Branch, Record
 
 Curve = Callable[[Floats], Floats]
-CurveOfStage = Callable[..., Floats]
 """Curves of N draws: temperatures of shape (m,) or (N, m) to values of shape (N, m)."""
+CurveOfStage = Callable[..., Floats]
+"""The same, with `stage` for the curve of one stage alone."""
 
 NAMES = {Branch.HEATING: ("As", "Af"), Branch.COOLING: ("Mf", "Ms")}
 """What the lower and the upper crossing are called."""

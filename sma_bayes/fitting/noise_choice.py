@@ -136,9 +136,9 @@ def choose_noise(
     its own beside the discrepancy, which is taken where it gains `LEAST_LN_EVIDENCE_GAIN`. Heavy tails, growth and an
     error of the thermometer take no part in that, on neither side. Under heavy tails the readings of a sweep that
     differs pass for outliers, or those of the others do, and each way is a mode that Laplace's method does not see
-    beyond. The others follow the common curve, would tell where it lies by how the noise of sweeps
-    changes that lie elsewhere, and sweeps that are shifted scatter most where the curve is steep, which is what an
-    error of the thermometer does to readings.
+    beyond. The others follow the common curve, would tell where it lies by how the noise of sweeps changes that lie
+    elsewhere, and sweeps that are shifted scatter most where the curve is steep, which is what an error of the
+    thermometer does to readings.
 
     Parameters
     ----------

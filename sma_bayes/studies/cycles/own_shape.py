@@ -75,15 +75,12 @@ class OwnShape:
         Of their weights, beside the expected common curve.
     follows : ndarray, shape (k, m)
         By how much weights change with each error of the common curve.
-    size : float
-        Root mean square of what the sweep has of its own over its samples, most probable [unit of the channel].
     """
 
     basis: DiscrepancyBasis
     expected: Floats
     sd: Floats
     follows: Floats
-    size: float
 
     def draw(self, errors: Floats | None, count: int, rng: np.random.Generator) -> Floats:
         """Weights (count, m) given errors (count, k) of the common curve."""
@@ -142,7 +139,7 @@ class CycleScatter:
             gain = size**2 / (self.noise**2 + size**2 * np.sum(rows**2, axis=1))
             expected = gain * (rows @ (s.residual - s.common @ common))
             follows = -(gain[:, None] * (rows @ s.common)).T
-            found.append(OwnShape(s.basis, expected, np.sqrt(gain) * self.noise, follows, float(size)))
+            found.append(OwnShape(s.basis, expected, np.sqrt(gain) * self.noise, follows))
         return found
 
 

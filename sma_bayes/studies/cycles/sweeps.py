@@ -287,8 +287,12 @@ class Strand:
     def about(self, record: Record, cycle: Floats) -> Strand:
         """Other sweeps, with their numbers about the curve of these."""
         none = np.zeros((cycle.size, 4))
-        other = replace(self, record=record, starts=_starts(record), cycle=cycle, numbers=none, sds=none)
-        return _with_sds(_with_numbers(replace(other, responses=None, scatter=None, own=())))
+        other = replace(self.of_numbers(cycle, none, none), record=record, starts=_starts(record))
+        return _with_sds(_with_numbers(other))
+
+    def of_numbers(self, cycle: Floats, numbers: Floats, sds: Floats) -> Strand:
+        """Other sweeps of which no more is known than their numbers about the curve of these."""
+        return replace(self, cycle=cycle, numbers=numbers, sds=sds, responses=None, scatter=None, own=())
 
     @property
     def lengths(self) -> Ints:
@@ -586,13 +590,11 @@ def _with_errors(strand: Strand) -> Strand:
     if strand.missed is not None:
         strand = replace(strand, weights=_weights(strand, correlated))
     strand = replace(strand, shape=_shape(strand, rows, correlated))
+    common = np.zeros((strand.record.n, 0))
     if strand.missed is not None or strand.shape.shape[1]:
-        strand = replace(strand, responses=_responses(strand, rows, strand.noise))
-    if strand.responses is None:
-        common = np.zeros((strand.record.n, 0))
-    else:
         at, _, grows = _onto_curve(strand)
         common = strand.error_functions(at) / grows[:, None]
+        strand = replace(strand, responses=_responses(strand, rows, common))
     sweeps = _residuals(strand, rows, common)
     some = [s for s in sweeps if s is not None]
     if not some:
@@ -656,12 +658,10 @@ def _shape_directions(strand: Strand, at: Floats) -> Floats:
     return directions
 
 
-def _responses(strand: Strand, rows: Floats, noise: float) -> Floats:
-    """By how much the numbers of each sweep change with the errors of the common curve, (n, 4, m + r)."""
-    at, _, grows = _onto_curve(strand)
-    functions = strand.error_functions(at) / grows[:, None]
-    hold = noise**2 * np.diag(PRIOR_SD**-2)
-    sweeps = zip(np.split(rows, strand.starts[1:]), np.split(functions, strand.starts[1:]), strict=True)
+def _responses(strand: Strand, rows: Floats, common: Floats) -> Floats:
+    """By how much the numbers of each sweep change with errors of the common curve that do `common`: (n, 4, m + r)."""
+    hold = strand.noise**2 * np.diag(PRIOR_SD**-2)
+    sweeps = zip(np.split(rows, strand.starts[1:]), np.split(common, strand.starts[1:]), strict=True)
     return np.array([-np.linalg.solve(own.T @ own + hold, own.T @ there) for own, there in sweeps])
 
 

@@ -16,7 +16,7 @@ from sma_bayes.account import Account
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.transformation import LEAST_SHARE_OF_DRAWS
 from sma_bayes.errors import MeasurementError, SmaBayesError, many
-from sma_bayes.fitting.curves import INTERVAL, as_interval, interval
+from sma_bayes.fitting.curves import INTERVAL, as_interval, interval, interval_where_defined
 from sma_bayes.progress import Progress, announce, silent
 from sma_bayes.quantities import unit_text
 from sma_bayes.records.types import Campaign, Record
@@ -354,13 +354,14 @@ def _stable(pooled: Pooled, share: float, wanted: float) -> Stability:
 
 def _by_cycle(q: CycleSeries) -> QuantityByCycle:
     """Quantiles of the draws that have a value; null where too few have one."""
-    defined = np.mean(np.isfinite(q.draws), axis=0) >= LEAST_SHARE_OF_DRAWS
-    draws = np.where(defined & np.isfinite(q.draws), q.draws, np.nan)
-    quantiles = np.full((len(INTERVAL), defined.size), np.nan)
-    quantiles[:, defined] = np.nanquantile(draws[:, defined], list(INTERVAL.values()), axis=0)
-    quantiles = quantiles.tolist()
+    enough = LEAST_SHARE_OF_DRAWS * len(q.draws)
+    found = (draws[np.isfinite(draws)] for draws in q.draws.T)
+    each = [interval_where_defined(draws if draws.size >= enough else draws[:0]) for draws in found]
     return QuantityByCycle.about(
-        q, own=q.own.tolist(), own_sd=q.own_sd.tolist(), **dict(zip(INTERVAL, quantiles, strict=True))
+        q,
+        own=q.own.tolist(),
+        own_sd=q.own_sd.tolist(),
+        **{name: [one[name] for one in each] for name in INTERVAL},
     )
 
 

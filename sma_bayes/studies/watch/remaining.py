@@ -150,9 +150,7 @@ def _extended(reference: Reference, s: int, later: Sequence[Sequence[StrandNumbe
     cycle = np.concatenate([reference.cycle, reference.cycle[-1] + 1.0 + np.arange(len(later))])[first:]
     values = np.array([n.value[: len(NUMBERS)] for n in sweeps])
     sds = np.array([n.sd for n in sweeps])
-    return replace(
-        reference.strands[s], cycle=cycle, numbers=values, sds=sds, responses=None, scatter=None, own=()
-    )
+    return reference.strands[s].of_numbers(cycle, values, sds)
 
 
 def _of_limit(reference: Reference, pooled: Pooled, limit: WatchLimit) -> Iterator[LimitDocument]:
