@@ -10,8 +10,8 @@ beside its own curve, orthogonal to what its four numbers do. Each sweep has a s
 differ from all others by more than these from each other; a priori the logarithm of one is normal about a mean that
 all sweeps tell together. Sizes and the standard deviation of the noise are their most
 probable values once e and v_i are integrated out, found by expectation and maximisation over e. Noise is white, so that
-what is slow within a sweep is its own. A sweep to come has as much of its own as one of the later half of those that
-were measured.
+what is slow within a sweep is its own. A sweep to come has the shape of one of the later half of those that were
+measured: where a shape has settled it is what these have in common, and where each differs it may be any of these.
 
 References
 ----------
@@ -90,27 +90,40 @@ class OwnShape:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class OwnShapeToCome:
-    """What a sweep to come has of its own.
+    """What a sweep to come has of its own: the shape of one of some measured sweeps, which one is not known.
 
     Attributes
     ----------
+    shapes : tuple of OwnShape
+        Of these sweeps, in order.
     basis : DiscrepancyBasis
-        m functions of temperature.
-    sizes : ndarray, shape (n,)
-        Of measured sweeps, one of which it has.
+        Their functions, one sweep's after the other's, m in all.
     """
 
+    shapes: tuple[OwnShape, ...]
     basis: DiscrepancyBasis
-    sizes: Floats
+
+    @staticmethod
+    def of(shapes: Sequence[OwnShape]) -> OwnShapeToCome:
+        """One of these, told at the nodes of the last."""
+        nodes = shapes[-1].basis.temperature
+        values = np.hstack([s.basis.at(nodes) for s in shapes])
+        return OwnShapeToCome(tuple(shapes), DiscrepancyBasis.tabulated(nodes, values, np.empty(0)))
 
     @property
     def expected(self) -> Floats:
-        """Nothing: zeros, shape (m,)."""
-        return np.zeros(self.basis.count)
+        """The mean of them, weights (m,)."""
+        return np.concatenate([s.expected for s in self.shapes]) / len(self.shapes)
 
     def draw(self, errors: Floats | None, count: int, rng: np.random.Generator) -> Floats:
-        """Weights (count, m)."""
-        return rng.choice(self.sizes, count)[:, None] * rng.standard_normal((count, self.basis.count))
+        """Weights (count, m) given errors (count, k) of the common curve: of one sweep in each, else 0."""
+        which = rng.integers(len(self.shapes), size=count)
+        return np.hstack(
+            [
+                np.where((which == i)[:, None], s.draw(errors, count, rng), 0.0)
+                for i, s in enumerate(self.shapes)
+            ]
+        )
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -195,12 +195,10 @@ class Strand:
 
     def own_shape(self, sweep: int | None) -> OwnShape | OwnShapeToCome | None:
         """What one sweep has of its own, or one to come (None); None where that is nothing."""
-        if not self.own or self.scatter is None:
-            return None
-        own = self.own[-1 if sweep is None else sweep]
-        if own is None or sweep is not None:
-            return own
-        return OwnShapeToCome(own.basis, self.scatter.sizes[len(self.scatter.sizes) // 2 :])
+        if sweep is not None:
+            return self.own[sweep] if self.own else None
+        some = [o for o in self.own if o is not None]
+        return OwnShapeToCome.of(some[len(some) // 2 :]) if some else None
 
     def follow(self, sweep: int | None, numbers: Floats, errors: Floats | None) -> Floats:
         """Numbers (S, 4) of one sweep, or of one to come, beside errors (S, m + r) of the common curve."""

@@ -7,7 +7,13 @@ import pytest
 from scipy.optimize import minimize
 
 from sma_bayes.fitting.discrepancy import MEDIAN_SIZE, SIGMA_OF_SIZE, build_basis
-from sma_bayes.studies.cycles.own_shape import SD_OF_LN_SIZE, CycleScatter, SweepResidual, scatter_of
+from sma_bayes.studies.cycles.own_shape import (
+    SD_OF_LN_SIZE,
+    CycleScatter,
+    OwnShapeToCome,
+    SweepResidual,
+    scatter_of,
+)
 
 SPAN, NOISE = 2.0, 0.01
 SIZES = np.array([0.2, 0.08, 0.03, 0.03, 0.03])
@@ -98,3 +104,20 @@ def test_sweeps_tell_together_that_they_have_nothing_of_their_own() -> None:
     assert scatter.usual_size < 0.0015 * SPAN
     assert scatter.sizes.max() < 0.003 * SPAN
     assert scatter.noise == pytest.approx(NOISE, rel=0.05)
+
+
+def test_a_shape_to_come_is_that_of_one_of_the_sweeps() -> None:
+    """Draws beside errors of the common curve: mean and variance are those of a mixture of the shapes."""
+    t, errors = np.linspace(2.0, 98.0, 30), np.array([0.05, -0.02, 0.03])
+    shapes = CycleScatter(NOISE, SIZES, 0.03).own(simulated(), np.zeros(COMMON))[2:]
+    to_come = OwnShapeToCome.of(shapes)
+    rng = np.random.default_rng(5)
+    drawn = to_come.basis.function(to_come.draw(np.tile(errors, (20_000, 1)), 20_000, rng), t)
+    means = np.array([(s.expected + errors @ s.follows) @ s.basis.at(t).T for s in shapes])
+    variances = np.array([s.basis.at(t) ** 2 @ s.sd**2 for s in shapes])
+    sd = np.sqrt(variances.mean(axis=0) + means.var(axis=0))
+    assert np.abs(drawn.mean(axis=0) - means.mean(axis=0)).max() < 5.0 * sd.max() / np.sqrt(20_000)
+    assert drawn.std(axis=0) == pytest.approx(sd, rel=0.03)
+    assert to_come.basis.function(to_come.expected[None], t)[0] == pytest.approx(
+        np.mean([s.basis.at(t) @ s.expected for s in shapes], axis=0), abs=1e-4
+    )
