@@ -698,7 +698,7 @@ def _similar(path: Path) -> str:
         return f"there is no folder {str(path.parent)!r} either; correct it, or name the folder of the data"
     there = sorted(p.name for p in path.parent.iterdir())
     if not there:
-        return "the folder is empty; name the folder of the data"
+        return f"{_folder(path)} is empty; name the folder of the data"
     below = [name for name in there if (path.parent / name / path.name).is_file()]
     if below:
         where = str(path.parent / below[0])
@@ -706,4 +706,9 @@ def _similar(path: Path) -> str:
     near = near_matches(path.name, there)
     if near.startswith("did you mean"):
         return near
-    return f"the folder holds {first_of(there, FILES_SHOWN)}"
+    return f"{_folder(path)} holds {first_of(there, FILES_SHOWN)}"
+
+
+def _folder(path: Path) -> str:
+    """The folder of a file, as a message calls it."""
+    return "this folder" if path.parent == Path() else f"the folder {str(path.parent)!r}"

@@ -177,7 +177,12 @@ def _quantity(name: str, unit: str) -> str:
     return ""
 
 
-def guess_named(names: Sequence[str], values: Mapping[int, Floats], clocks: Collection[int] = ()) -> Guesses:
+def guess_named(
+    names: Sequence[str],
+    values: Mapping[int, Floats],
+    clocks: Collection[int] = (),
+    with_units: Sequence[str] = (),
+) -> Guesses:
     """What columns with headers hold.
 
     Parameters
@@ -187,10 +192,14 @@ def guess_named(names: Sequence[str], values: Mapping[int, Floats], clocks: Coll
         Columns of numbers, by their position.
     clocks : collection of int
         Columns of clock times.
+    with_units : sequence of str
+        The same names with the units that stand in another line, where there is one.
     """
     found: dict[str, tuple[int, Guess]] = {}
     for i, header in enumerate(names):
         guess = guess_header(header) if header else None
+        if with_units and (guess is None or not guess.unit) and header:
+            guess = guess_header(with_units[i]) or guess
         readable = i in values or guess is None or guess.quantity == "branch"
         if guess is None or not (readable or (guess.quantity == "time" and i in clocks)):
             continue

@@ -234,9 +234,12 @@ def _by_default_names(
     """Columns known by their default names, and a finding that says which."""
     columns: dict[str, ColumnDeclaration] = {}
     found: list[tuple[str, str, str]] = []
-    for header, cells in zip(table.names or (), table.columns, strict=table.names is not None):
-        known = recognised(header) or (
-            ("time", "s") if header.strip().lower() in CLOCKS and is_clock(cells) else None
+    names = table.names or ()
+    for header, whole, cells in zip(names, table.headers, table.columns, strict=bool(names)):
+        known = (
+            recognised(header)
+            or recognised(whole)
+            or (("time", "s") if header.strip().lower() in CLOCKS and is_clock(cells) else None)
         )
         if known is None:
             continue
@@ -263,7 +266,7 @@ def _require_named(
     try:
         require_channels(columns, file=declared.path, where="header")
     except CampaignError as error:
-        there = ", ".join(repr(name) for name in table.names or ())
+        there = ", ".join(map(repr, table.headers))
         what = f"has {there}" if there else _headless(table)
         remedy = "rename the columns, or let `sma-bayes init` write a campaign.toml with [columns]"
         if "temperature" not in columns:

@@ -216,6 +216,7 @@ def _source(path: Path, file: str, reading: Mapping[str, Any], table: RawTable) 
         texts = [c.strip() for c in cells if isinstance(c, str) and not is_blank(c) and not looks_numeric(c)]
         if len(set(texts)) > MAX_MISSING_CODES or len(texts) > MAX_SHARE_OF_CODES * len(cells):
             continue
+        texts += [c.strip() for c in cells if isinstance(c, str) and c.strip().casefold() == "nan"]
         try:
             found, _ = numbers(
                 cells,
@@ -231,7 +232,7 @@ def _source(path: Path, file: str, reading: Mapping[str, Any], table: RawTable) 
         codes[i] = tuple(sorted(set(texts)))
     settings = settings_in(file.rsplit(".", 1)[0] + " " + str(reading.get("sheet", "")))
     clocks = {i for i, cells in enumerate(table.columns) if is_clock(cells)}
-    guesses = Guesses() if table.names is None else guess_named(table.names, values, clocks)
+    guesses = Guesses() if table.names is None else guess_named(table.names, values, clocks, table.headers)
     width = max((i + 1 for i, cells in enumerate(table.columns) if not all(map(is_blank, cells))), default=0)
     return _Source(file, reading, table.names, width, values, codes, guesses, settings)
 

@@ -41,6 +41,10 @@ DATA = {
     ),
     "NaN": (lambda s: edited(s(), 7, 3, "NaN"), ["row 7, column 'force_N'", "found 'NaN'", "`missing`"]),
     "inf": (lambda s: edited(s(), 7, 2, "inf"), ["row 7, column 'temperature_C'", "found 'inf'"]),
+    "the header again": (
+        lambda s: [*s()[:9], s()[0], *s()[9:]],
+        ["row 10, column 'time_s'", "found 'time_s', the name of the column again"],
+    ),
     "a short row": (lambda s: [*s()[:9], "1,2,3", *s()[9:]], ["row 10", "3 cells, the others have 4"]),
     "no column of temperature": (
         lambda s: ["time_s,T,force_N,displacement_mm", *s()[1:]],

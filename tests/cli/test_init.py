@@ -107,6 +107,37 @@ def test_nothing_is_overwritten(run: Callable[..., Any], measured: Path, tmp_pat
     assert (tmp_path / "campaign.toml").read_text(encoding="utf-8") == "# mine\n"
 
 
+def written(folder: Path, lines: list[str], name: str = "log.csv") -> Path:
+    folder.mkdir()
+    (folder / name).write_text("\n".join(lines) + "\n", encoding="utf-8")
+    return folder
+
+
+@pytest.mark.parametrize("units", ["s,°C,mN", "(s),(°C),(mN)", "[s],[°C],[mN]"])
+def test_units_in_a_line_of_their_own_are_those_of_the_columns(
+    run: Callable[..., Any], make_sweep: Any, tmp_path: Path, units: str
+) -> None:
+    rows = [line.rsplit(",", 1)[0] for line in make_sweep()]
+    path = written(tmp_path / "log", ["time,temperature,force", units, *rows[1:]])
+    alone = json.loads(run("inspect", path / "log.csv", "--json").out)
+    assert run("init", path).status == 0
+    columns = declared(path / "campaign.toml")["columns"]
+    assert {q: c["unit"] for q, c in columns.items()} == {"time": "s", "temperature": "degC", "force": "mN"}
+    assert "GUESS:" not in (path / "campaign.toml").read_text(encoding="utf-8")
+    assert json.loads(run("inspect", path, "--json").out)["records"][0]["n"] == alone["records"][0]["n"]
+
+
+def test_nan_in_many_rows_is_a_missing_value_to_check(
+    run: Callable[..., Any], make_sweep: Any, tmp_path: Path
+) -> None:
+    rows = [line.split(",") for line in make_sweep()]
+    lines = [",".join([*r[:2], "NaN" if i % 3 == 1 else r[2], r[3]]) for i, r in enumerate(rows)]
+    path = written(tmp_path / "log", lines)
+    assert run("init", path).status == 0
+    assert declared(path / "campaign.toml")["columns"]["force"]["missing"] == ["NaN"]
+    assert run("inspect", path).status == 0
+
+
 def test_settings_and_odd_units_are_read_off_names(
     run: Callable[..., Any], make_sweep: Any, tmp_path: Path
 ) -> None:

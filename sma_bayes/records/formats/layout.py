@@ -25,7 +25,14 @@ Row: TypeAlias = tuple[int, Sequence[object]]
 SAMPLE = 200
 """At least so many rows, where there are as many, tell the shape of the data."""
 
-_UNIT = re.compile(r"\s*(\(.*\)|\[.*\])\s*")
+_UNIT = re.compile(r"\s*[(\[]\s*(.*?)\s*[)\]]\s*")
+
+_PLAIN_UNITS = frozenset({
+    "s", "sec", "ms", "min", "h", "hr", "C", "°C", "degC", "deg C", "K", "°F", "degF", "N", "mN", "kN", "gf", "kgf",
+    "lbf", "m", "mm", "um", "µm", "cm", "in", "inch", "N/m", "N/mm", "Pa", "kPa", "MPa", "GPa", "psi", "ksi", "%",
+    "pct", "mm/mm", "A", "mA", "V", "mV", "W", "Hz", "mHz", "g", "kg", "-", "1",
+})  # fmt: skip
+"""Units that a line below the names states without brackets."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -128,10 +135,10 @@ def tabulate(
             remedy="check `delimiter`, `decimal`, `skip_rows` and `quoted_rows` in [reading] of campaign.toml",
             elsewhere="check that the file holds a table of numbers, one delimiter between the cells of every row",
         )
-    names, findings = _header(above, shape, reading.header, file, resplit)
+    names, units, findings = _header(above, shape, reading.header, file, resplit)
     cells, lines, more = _collect(chain([first], rows), shape, reading, file)
     columns = tuple(cells[i :: shape.width] for i in range(shape.width))
-    return RawTable(names, columns, lines, (*findings, *more), above=tuple(above))
+    return RawTable(names, columns, lines, (*findings, *more), above=tuple(above), units=units)
 
 
 def _until_data(rows: Iterator[Row], shape: RowShape, reading: Reading) -> tuple[list[Row], Row | None]:
@@ -168,9 +175,18 @@ def _is_number(cell: object, reading: Reading) -> bool:
 
 
 def _is_units(cells: Sequence[object]) -> bool:
-    """Whether each filled cell stands in brackets, as in a line of units below the names."""
+    """Whether each filled cell is a known unit or stands in brackets, as in a line of units below the names."""
     filled = [cell for cell in cells if not is_blank(cell)]
-    return bool(filled) and all(isinstance(cell, str) and _UNIT.fullmatch(cell) for cell in filled)
+    return bool(filled) and all(
+        isinstance(cell, str) and (_UNIT.fullmatch(cell) or cell.strip() in _PLAIN_UNITS) for cell in filled
+    )
+
+
+def _unit(cell: object) -> str:
+    """Unit in a cell of a line of units, without brackets."""
+    text = "" if is_blank(cell) else str(cell).strip()
+    bracketed = _UNIT.fullmatch(text)
+    return bracketed[1] if bracketed else text
 
 
 def _header(
@@ -179,12 +195,14 @@ def _header(
     header: bool | None,
     file: Path,
     resplit: Callable[[int], Iterable[Sequence[str]]] | None,
-) -> tuple[tuple[str, ...] | None, tuple[Finding, ...]]:
-    """Names of the columns, and findings about the lines above the data."""
+) -> tuple[tuple[str, ...] | None, tuple[str, ...] | None, tuple[Finding, ...]]:
+    """Names and units of the columns, and findings about the lines above the data."""
     if not above:
-        return None, ()
+        return None, None, ()
     at = len(above) - 1
+    units: tuple[str, ...] | None = None
     if at > 0 and _is_units(above[at][1]):
+        units = tuple(map(_unit, above[at][1]))
         at -= 1
     line, cells = above[at]
     names = _names(cells, shape)
@@ -203,12 +221,20 @@ def _header(
             remedy="correct the header, or leave it out (`header = false` with `skip_rows`) and give each "
             "column by its number: { column = 2, unit = ... }",
         )
-    skipped = np.array([n for i, (n, _) in enumerate(above) if names is None or i != at], dtype=np.int64)
+    if names is None or units is None or len(units) > len(names):
+        units = None
+    else:
+        units += ("",) * (len(names) - len(units))
+    used = () if names is None else (at,) if units is None else (at, at + 1)
+    if units is not None:
+        message = f"the units stand below the names: {', '.join(u or '-' for u in units)}"
+        findings = (*findings, rows_finding("header", message, np.array([above[at + 1][0]])))
+    skipped = np.array([n for i, (n, _) in enumerate(above) if i not in used], dtype=np.int64)
     if not skipped.size:
-        return names, findings
+        return names, units, findings
     what = "above the data" if names is None else f"around the header in line {line}"
     message = f"{many(skipped.size, 'line')} {what}, neither names nor data, left out"
-    return names, (*findings, rows_finding("preamble", message, skipped))
+    return names, units, (*findings, rows_finding("preamble", message, skipped))
 
 
 def _names(cells: Sequence[object], shape: RowShape) -> tuple[str, ...] | None:

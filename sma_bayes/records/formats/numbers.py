@@ -208,7 +208,8 @@ def _coded(
 def _not_a_number(
     text: str, rows: Ints, file: Path, column: str, decimal: str, expected: str
 ) -> MeasurementError:
-    more = f" (and {rows.size - 1} more in this column)" if rows.size > 1 else ""
+    more = ", the name of the column again, as where a log was begun anew" if text == column else ""
+    more += f" (and {rows.size - 1} more in this column)" if rows.size > 1 else ""
     if decimal == "." and _COMMA_NUMBER.fullmatch(text):
         remedy = 'if the comma is a decimal mark, set decimal = "," in [reading] of campaign.toml'
         elsewhere = "write all numbers of the file with one decimal mark"

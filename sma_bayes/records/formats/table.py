@@ -109,6 +109,8 @@ class RawTable:
         Decimal mark, where the file itself declares or shows one.
     above : tuple of tuple
         Rows above the data with their source line, that of the names included; blank ones are left out.
+    units : tuple of str or None
+        Units that a line below the names states, empty where it has none; None without such a line.
     """
 
     names: tuple[str, ...] | None
@@ -117,6 +119,14 @@ class RawTable:
     findings: tuple[Finding, ...] = ()
     decimal: str | None = None
     above: tuple[tuple[int, Sequence[object]], ...] = ()
+    units: tuple[str, ...] | None = None
+
+    @property
+    def headers(self) -> tuple[str, ...]:
+        """Name of each column with its unit in brackets where a line of its own states it; empty without names."""
+        names = self.names or ()
+        units = self.units or ("",) * len(names)
+        return tuple(f"{name} [{unit}]" if unit else name for name, unit in zip(names, units, strict=True))
 
     @property
     def shown_names(self) -> tuple[str, ...]:

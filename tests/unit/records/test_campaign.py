@@ -543,7 +543,9 @@ class TestMistakes:
         for i in range(20):
             (folder / f"run{i:02}.dat").touch()
         error = refused(CampaignError, declare(folder, COLUMNS + CONDITION.replace("a.csv", "Q")))
-        assert str(error.remedy).startswith("the folder holds a.csv, campaign.toml, run00.dat")
+        assert str(error.remedy).startswith(
+            f"the folder {str(folder)!r} holds a.csv, campaign.toml, run00.dat"
+        )
         assert str(error.remedy).endswith("run07.dat and 12 more")
 
     def test_a_column_that_is_not_there(self, folder: Path) -> None:

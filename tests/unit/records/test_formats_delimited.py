@@ -161,13 +161,20 @@ def test_a_header_with_another_delimiter_than_its_rows(
     assert [(f.kind, f.rows) for f in table.findings] == said
 
 
-def test_a_line_of_units_below_the_names_is_left_out_and_said(tmp_path: Path) -> None:
-    path = write(tmp_path, "Time,Load\n(s),[N]\n1,2\n3,4\n")
+@pytest.mark.parametrize("units", ["(s),[N]", "s,N"])
+def test_a_line_of_units_below_the_names_is_read_and_said(tmp_path: Path, units: str) -> None:
+    path = write(tmp_path, f"Time,Load\n{units}\n1,2\n3,4\n")
     for header in (None, True):
         table = read_table(path, Reading(header=header))
         assert table.names == ("Time", "Load")
+        assert table.headers == ("Time [s]", "Load [N]")
         np.testing.assert_array_equal(table.row, [3, 4])
-        assert [(f.kind, f.rows) for f in table.findings] == [("preamble", (2,))]
+        assert [(f.kind, f.rows) for f in table.findings] == [("header", (2,))]
+
+
+def test_names_that_are_no_units_below_a_title_stay_names(tmp_path: Path) -> None:
+    path = write(tmp_path, "Sample,NiTi 3\nT,F\n1,2\n3,4\n")
+    assert read_table(path, Reading()).names == ("T", "F")
 
 
 def test_header_false_takes_every_line_for_data(tmp_path: Path) -> None:
