@@ -237,6 +237,20 @@ def test_what_comes_twice_or_grows_counts_once(
     assert whole["partial"] == []
 
 
+def test_cycles_that_were_fitted_do_not_count_as_new(
+    run: Run, place: Path, watched_spring: ModuleType, tmp_path: Path
+) -> None:
+    (fitted,) = files(place, "bench")
+    grows = shutil.copy(fitted, tmp_path / "grows.csv")
+    found = sma_bayes.watch(place / "results", grows)
+    assert found["cycles"] == []
+    assert found["verdict"] == "same"
+    assert "grows.csv: 4 cycles of it were fitted, and don't count as new" in found["remarks"]
+    outcome = run("watch", place / "results", grows)
+    assert outcome.status == 0
+    assert "4 cycles of it were fitted" in " ".join(outcome.out.split())
+
+
 def test_a_line_without_an_end_is_left_out_and_told(place: Path, tmp_path: Path) -> None:
     text = files(place, "quiet")[0].read_text(encoding="utf-8")
     (tmp_path / "cut.csv").write_text(text[:-4], encoding="utf-8")
@@ -318,6 +332,10 @@ def test_the_terminal_tells_the_same(run: Run, place: Path, out: Path) -> None:
     assert outcome.status == 1
     assert " ".join(before["statement"].split()) in " ".join(outcome.out.split())
     assert "ALARM" in outcome.out
+    assert "last 5 of the watched cycles" in outcome.out
+    alarming = [n for n in before["numbers"] if n["alarm"]]
+    rows = [line.split("│")[-2].strip() for line in outcome.out.splitlines() if "ALARM" in line]
+    assert sorted(rows) == sorted(f"{max(n['log10_e']):.2f} ALARM" for n in alarming)
 
 
 def test_the_report_is_built_anew(run: Run, place: Path, out: Path) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from pathlib import Path
 from typing import Final
 
@@ -12,7 +13,14 @@ import numpy as np
 
 from sma_bayes.arrays import Floats
 from sma_bayes.checksum import file_checksum
-from sma_bayes.errors import CampaignError, MeasurementError, SmaBayesError, UnknownNameError, near_matches
+from sma_bayes.errors import (
+    CampaignError,
+    MeasurementError,
+    SmaBayesError,
+    UnknownNameError,
+    many,
+    near_matches,
+)
 from sma_bayes.quantities import unit_text
 from sma_bayes.records.campaign import DEFAULT_SETTINGS
 from sma_bayes.records.declaration import CAMPAIGN_FILE, DeclaredCondition, declared_for_file
@@ -95,7 +103,7 @@ class NewFile:
     remarks: tuple[str, ...]
 
 
-@dataclass(frozen=True, slots=True, eq=False)
+@dataclass(frozen=True, eq=False)
 class NewFileReader:
     """Reads files of one condition.
 
@@ -152,7 +160,20 @@ class NewFileReader:
                 raise
             return NewFile(path, sha256, (), (f"{path.name}: {self._extent(run)}",), cut)
         cycles, partial = self._cycles(records, path)
-        return NewFile(path, sha256, tuple(cycles), tuple(partial), cut)
+        fresh = tuple(c for c in cycles if c.sha256 not in self._heads)
+        if len(fresh) < len(cycles):
+            held = f"{path.name}: {many(len(cycles) - len(fresh), 'cycle')} of it were fitted, and don't count as new"
+            cut = (*cut, held)
+        return NewFile(path, sha256, fresh, tuple(partial), cut)
+
+    @cached_property
+    def _heads(self) -> frozenset[str]:
+        """Checksums by which cycles that were fitted are known again."""
+        found: dict[float, dict[str, Record]] = {}
+        for branch, fitted in self.fitted.items():
+            for cycle, sweep in _sweeps(fitted.record):
+                found.setdefault(cycle, {})[branch] = sweep
+        return frozenset(map(_head, found.values()))
 
     def _require_same(self, run: Run, path: Path) -> None:
         """Refuse what is not of this campaign."""

@@ -25,7 +25,7 @@ def _numbers(found: WatchDocument) -> Table:
         *CURVE, Column("number", "number"), Column("unit", "unit"), Column("fitted, mean", "fitted", UNIT_OF_ROW),
         Column("last value", "last", UNIT_OF_ROW), Column("normal range from", "low", UNIT_OF_ROW),
         Column("to", "high", UNIT_OF_ROW),
-        Column("log10 e-value", "log10_e", "1"), Column("alarm", "alarm"),
+        Column("greatest log10 e-value", "log10_e", "1"), Column("alarm", "alarm"),
     )  # fmt: skip
     count = len(found.fitted)
     rows = tuple(
@@ -35,7 +35,7 @@ def _numbers(found: WatchDocument) -> Table:
                 _value(value, n.unit, scatter_of(n))
                 for value in (sum(n.value[:count]) / count, n.value[-1], n.normal_low[-1], n.normal_high[-1])
             ),
-            Number(n.log10_e[-1], "1", 0.01) if n.log10_e else None, "yes" if n.alarm else "no",
+            Number(max(n.log10_e), "1", 0.01) if n.log10_e else None, "yes" if n.alarm else "no",
         )
         for n in found.numbers
     )  # fmt: skip

@@ -41,11 +41,12 @@ def show_watch(told: Mapping[str, Any], out: Path | None) -> None:
 
 def _show_numbers(console: Screen, found: WatchDocument) -> None:
     last = found.cycles[-CYCLES_SHOWN:]
-    counted = map(numbers, [*(f"{c.cycle}" for c in last), "log10 e-value"])
-    table = titled("watched cycles; ! is outside the normal range (95 %)", "", "normal", *counted)
+    counted = map(numbers, [*(f"{c.cycle}" for c in last), "most log10 e"])
+    which = "watched cycles" if len(last) == len(found.cycles) else f"last {len(last)} of the watched cycles"
+    table = titled(f"{which}; ! is outside the normal range (95 %)", "", "normal", *counted)
     for n in found.numbers:
         name = f"{n.branch} {quantity_of(n.channel, specimen=found.specimen)} {n.number} [{unit_label(n.unit) or '1'}]"
-        evidence = f"{n.log10_e[-1]:z.2f}" + (" ALARM" if n.alarm else "")
+        evidence = f"{max(n.log10_e):z.2f}" + (" ALARM" if n.alarm else "")
         table.add_row(name, *_row(n, len(last)), evidence)
     console.print(table)
 
