@@ -58,9 +58,12 @@ class Screen(Console):
         return super().render_str(with_minus(text), **how)
 
     def print(self, *shown: Any, **how: Any) -> None:
-        """Print what is shown, a table that is too wide as several, so that no cell is cut."""
+        """Print what is shown, a table that is too wide as several, so that no cell is cut; its title is a sentence."""
         if len(shown) == 1 and isinstance(shown[0], Table):
+            if shown[0].title:
+                self.tell(str(shown[0].title))
             for part in fitting(shown[0], self.width):
+                part.title = None
                 super().print(part, **how)
         else:
             super().print(*shown, **how)
@@ -93,7 +96,7 @@ def fitting(table: Table, width: int) -> Iterator[Table]:
     _, right, _, left = table.padding
     total = partial(_total, around=left + right + 1)
     if total(c.widest for c in columns) <= width:
-        yield table
+        yield copy(table)
         return
     named = _naming(columns)
     parts: list[list[_Measured]] = [columns[:named]]

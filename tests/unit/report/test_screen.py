@@ -106,3 +106,14 @@ def test_every_part_of_a_wide_table_tells_its_rows_apart() -> None:
     assert (
         told.count("cold") == told.count("hot") == told.count("force F") + told.count("displacement X") == 2
     )
+
+
+def test_a_title_that_is_wider_than_its_table_is_one_line() -> None:
+    """`ask` broke "measured from 35.5 to 296.1 °C" over lines of the width of two columns."""
+    console = Screen(file=io.StringIO(), width=100, markup=False, emoji=False)
+    title = "filtered_data_100MPa-cooling, measured from 35.5 to 296.1 °C"
+    table = titled(title, *map(numbers, ["T [°C]", "strain"]))
+    table.add_row("150", "1.347")
+    console.print(table)
+    console.print(table)
+    assert console.file.getvalue().splitlines().count(title) == 2
