@@ -174,7 +174,7 @@ def _start(record: Record, o: FitOptions) -> StartedComparison:
 def _compare(begun: StartedComparison | Record, options: FitOptions, lines: float | None) -> Comparison:
     begun = _start(begun, options) if isinstance(begun, Record) else begun
     r = begun.setting.record
-    tell = None if lines is None else lines_about(f"{r.key}, {r.channels[0]}", lines)
+    tell = None if lines is None else lines_about(f"{r.key}, {r.quantity(r.channels[0])}", lines)
     return finished_comparison(begun, tell)
 
 
@@ -207,7 +207,8 @@ def _compared(
     task = partial(_compare, options=chosen, lines=lines_inside(work.tell))
     for compared in run(task, begun, work.jobs, account=work.account, stage="compare"):
         comparisons.append(compared)
-        work.tell(len(comparisons), len(records), f"compared {stem_of(compared)}")
+        told = f"compared {compared.record.key} {compared.record.quantity(compared.channel)}"
+        work.tell(len(comparisons), len(records), told)
         if folder is not None:
             with work.account.timed("write"):
                 write_csv(folder / "curves" / f"{stem_of(compared)}.csv", curve_columns(compared))

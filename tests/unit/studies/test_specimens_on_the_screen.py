@@ -77,6 +77,6 @@ def test_a_comparison_names_the_strain(wire: Path, tmp_path: Path) -> None:
     assert "a-heating strain" in text
     row = next(line for line in text.splitlines() if "a-heating strain" in line)
     assert "cannot tell" in row
-    assert "ahead of the " in row, "why it can't is told beside it"
+    assert "one curve by 3 names, ahead of the " in row, "why it can't is told beside it"
     assert text.count("are the same curve of this channel") == 1, "what all records share is told once"
     assert "displacement" not in text
