@@ -20,6 +20,7 @@ from PIL import Image
 
 from sma_bayes import compare, fit_campaign, modulus, study_gap
 from sma_bayes.paper.twin import twin_campaign
+from sma_bayes.report.explorer import Trace, chart_data
 from sma_bayes.report.html import page_environment
 from sma_bayes.report.tables import Column, Table
 
@@ -204,6 +205,29 @@ def test_the_chart_answers_who_points_at_it(report: Path, tmp_path: Path) -> Non
         ]
         width = right[2] - right[1]
         np.testing.assert_allclose(told_here, right, atol=0.1 * width)
+
+
+def test_few_readings_are_seen_on_the_lines_and_many_under_them(tmp_path: Path) -> None:
+    """Dots of 1.7 pixels under a line that goes through all 28 readings of a sweep were not seen."""
+    script = (resources.files("sma_bayes.report") / "templates" / "explorer.js").read_text(encoding="utf-8")
+    for count, few in ((28, True), (400, False)):
+        x, y = np.linspace(20.0, 90.0, count), np.linspace(0.0, 1.0, count)
+        traces = chart_data(
+            [Trace("a", "heating", "force", "force", "T", x, {"q50": y}, (20.0, 90.0), (x, y))]
+        )
+        page = tmp_path / f"{count}.html"
+        page.write_text(
+            '<style>:root { --curve: 30 50; }</style><div class="explorer" hidden><div class="chart"></div>'
+            f'<script type="application/json">{json.dumps(traces)}</script></div><script>{script}</script>',
+            encoding="utf-8",
+        )
+        seen = browser("--virtual-time-budget=5000", "--dump-dom", page.as_uri()).stdout
+        marks = re.findall(r"<(circle|path)\b[^>]*?(?:\br=\"([\d.]+)\"|stroke-width=\"([\d.]+)\")", seen)
+        dots = [i for i, (tag, _, _) in enumerate(marks) if tag == "circle"]
+        lines = [i for i, (tag, _, _) in enumerate(marks) if tag == "path"]
+        assert len(dots) == count
+        assert (min(dots) > max(lines)) is few
+        assert (2.0 * float(marks[dots[0]][1]) > 2.5 * float(marks[lines[0]][2])) is few
 
 
 def test_on_paper_the_still_figure_is_seen(report: Path) -> None:

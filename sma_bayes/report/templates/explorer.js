@@ -4,6 +4,7 @@
   const root = document.currentScript.previousElementSibling;
   const traces = JSON.parse(root.querySelector("script").textContent);
   const SVG = "http://www.w3.org/2000/svg", HEIGHT = 380, PAD = {left: 72, right: 14, top: 12, bottom: 44};
+  const FEW = 300;
   const unique = values => [...new Set(values)];
   const quantities = unique(traces.map(t => t.quantity)), conditions = unique(traces.map(t => t.condition));
   const state = {
@@ -211,21 +212,20 @@
       if (state.predictive && t.pred_q05 && t.pred_q95) band(t, "pred_q05", "pred_q95", 0.12);
       if (t.q05 && t.q95) band(t, "q05", "q95", curves.length > 4 ? 0.17 : 0.28);
     }
-    for (const t of curves) {
-      if (!state.points || !t.points) continue;
-      const fill = colour(t);
-      t.points[0].forEach((x, i) => {
-        const y = t.points[1][i];
-        if (x !== null && y !== null && x >= low && x <= high)
-          draw(inside, "circle", {cx: toX(x).toFixed(1), cy: toY(y).toFixed(1), r: 1.7, fill, "fill-opacity": 0.5});
-      });
-    }
+    const readings = !state.points ? [] : curves.filter(t => t.points).flatMap(t =>
+      t.points[0].map((x, i) => ({x, y: t.points[1][i], fill: colour(t)}))
+        .filter(p => p.x !== null && p.y !== null && p.x >= low && p.x <= high));
+    const few = readings.length <= FEW;  // small dots under a line that goes through them would not be seen
+    const dots = looks => readings.forEach(({x, y, fill}) =>
+      draw(inside, "circle", {cx: toX(x).toFixed(1), cy: toY(y).toFixed(1), fill, ...looks}));
+    if (!few) dots({r: 1.7, "fill-opacity": 0.5});
     for (const t of curves) {
       const [from, to] = t.inside, looks = {fill: "none", stroke: colour(t), "stroke-width": 1.8};
       draw(inside, "path", {...looks, "stroke-dasharray": dash(t), d: line(t, x => x >= from && x <= to)});
       draw(inside, "path", {...looks, "stroke-opacity": 0.45, "stroke-width": 1.1, d: line(t, x => x <= from)});
       draw(inside, "path", {...looks, "stroke-opacity": 0.45, "stroke-width": 1.1, d: line(t, x => x >= to)});
     }
+    if (few) dots({r: 2.8, "fill-opacity": 0.8});
     chart.cursor = draw(chart, "line", {class: "cursor", y1: PAD.top, y2: PAD.top + h, visibility: "hidden"});
     chart.chosen = draw(chart, "rect", {class: "chosen", y: PAD.top, height: h, visibility: "hidden"});
     tell();

@@ -160,6 +160,10 @@ def test_one_bad_branch_is_announced_and_left_out_of_the_conclusions(content: Co
     assert "A1 (R-hat 1.300" in reader.text
     conclusions = reader.section("conclusions", "diagnostics")
     assert "Left out of this chapter" in conclusions
+    curves = re.sub(
+        r"<[^>]+>", "", conclusions[conclusions.index('id="curves"') : conclusions.index('id="parameters"')]
+    )
+    assert "heating did not converge. The other branch is in the chart above" in curves
     table = re.sub(r"<[^>]+>", " ", conclusions[conclusions.index('id="parameters"') :])
     assert "cooling" in table
     assert "hysteresis width" not in table.split("Loop and stiffness quantities")[-1].split("2.5")[0]
