@@ -13,7 +13,6 @@ from functools import cache
 from importlib.metadata import entry_points
 from inspect import getdoc
 from pathlib import Path
-from textwrap import shorten
 from typing import Annotated, Any
 
 import typer
@@ -43,13 +42,9 @@ class VerbGroup(TyperGroup):
         return self.commands.get(cmd_name)
 
     def format_commands(self, ctx: typer.Context, formatter: Any) -> None:  # type: ignore[override]
-        """A line for each verb."""
-        room = formatter.width - 6 - max(map(len, VERBS))
+        """What each verb does, in a sentence."""
         told = ((verb, getdoc(command_of(verb)) or "") for verb in VERBS)
-        rows = [
-            (verb, shorten(text.partition("\n")[0].rstrip("."), room, placeholder="..."))
-            for verb, text in told
-        ]
+        rows = [(verb, text.partition("\n")[0].rstrip(".")) for verb, text in told]
         with formatter.section("Commands"):
             formatter.write_dl(rows)
 

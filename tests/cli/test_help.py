@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from inspect import getdoc
 from pathlib import Path
 from typing import Any
 
 import pytest
 
 from sma_bayes import __version__
+from sma_bayes.studies.registry import VERBS, command_of
 
 
 @pytest.mark.parametrize("arguments", [("-h",), ("fit", "-h"), ("ask", "--help")])
@@ -16,6 +18,13 @@ def test_help_is_a_letter_away(run: Callable[..., Any], arguments: tuple[str, ..
     outcome = run(*arguments)
     assert outcome.status == 0
     assert outcome.out.startswith("Usage: ")
+
+
+def test_the_help_has_a_whole_sentence_about_each_verb(run: Callable[..., Any]) -> None:
+    told = "".join(run("-h").out.split())
+    for verb in VERBS:
+        sentence = (getdoc(command_of(verb)) or "").partition("\n")[0].rstrip(".")
+        assert verb + "".join(sentence.split()) in told
 
 
 @pytest.mark.parametrize("option", ["-V", "--version"])
