@@ -12,6 +12,9 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sma_bayes.errors import StudyError
+from sma_bayes.studies.run.study_file import read_study
+
 STUDY = """\
 [study]
 campaign = "bench"
@@ -88,6 +91,16 @@ def test_steps_are_run_resumed_and_added(
     assert "no two conditions" in more.out
 
 
+@pytest.mark.parametrize(
+    ("name", "key"), [("strain", "displacement"), ("stress", "force"), ("modulus", "stiffness")]
+)
+def test_a_specimen_is_asked_for_by_its_own_names(study: Path, name: str, key: str) -> None:
+    (asked,) = read_study(written(study, STUDY.replace("stiffness =", f"{name} ="))).asks
+    assert asked[key] == "0.12 N/mm"
+    with pytest.raises(StudyError, match=f"unknown key '{name}'"):
+        read_study(written(study, STUDY.replace("stiffness =", f'{key} = "1"\n{name} =')))
+
+
 @pytest.mark.parametrize(("declared", "asked"), [("strict = true\n", ()), ("", ("--strict",))])
 def test_a_strict_study_ends_with_1_where_the_fit_is_not_adequate(
     run: Callable[..., Any], study: Path, declared: str, asked: tuple[str, ...]
@@ -145,6 +158,7 @@ def test_where_the_fit_fails_questions_are_skipped(run: Callable[..., Any], stud
         ('"0.12 N/mm"', '"0.12 N"', "key 'ask 1.stiffness'"),
         ('stiffness = "0.12 N/mm"', 'force = "2 mm"', "key 'ask 1.force'"),
         ('stiffness = "0.12 N/mm"', 'at = ["50"]', "temperature '50' has no unit"),
+        ('stiffness = "0.12 N/mm"', 'at = ["50 C"]', "did you mean 'degC'?"),
         ('stiffness = "0.12 N/mm"', 'at = ["50 N"]', "unit 'N' of temperature is of the wrong kind"),
         ('stiffness = "0.12 N/mm"', 'at = ["-300 degC"]', "temperature '-300 degC' is out of range"),
         ("[fit]", '[fit]\n[conditions]\nat = ["curent_A=2"]', "key 'conditions.at, entry 1'"),

@@ -524,15 +524,21 @@ def _temperature(value: float, stored: str, unit: str) -> float:
             if stored == ARBITRARY
             else "degC, degF or kelvin"
         )
-        raise error.but(expected=known, remedy=None) from None
+        raise error.but(expected=known, remedy=_meant(error)) from None
     return _converted(value, stored, unit, "temperature")
 
 
 def _converted(value: float, unit: str, to: str, what: str) -> float:
     try:
         return float(convert(value, unit, to, what=what))
-    except QuantityError as error:  # what is proposed there is meant for files
-        raise error.but(remedy=None) from None
+    except QuantityError as error:
+        raise error.but(remedy=_meant(error)) from None
+
+
+def _meant(error: QuantityError) -> str | None:
+    """What was meant, where that can be told; what else is proposed there is meant for files."""
+    remedy = str(error.remedy or "")
+    return remedy if remedy.startswith("did you mean") else None
 
 
 def _curve(run: FitSource, draws: RecordDraws, channel: str, unit: str) -> Curve:

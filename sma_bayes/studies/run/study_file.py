@@ -11,6 +11,7 @@ from pydantic import Field, model_validator
 
 from sma_bayes.errors import StudyError, require_known
 from sma_bayes.limits import DEGREES, SEED
+from sma_bayes.records.declaration import CHANNEL_OF
 from sma_bayes.records.toml_table import StrictTable, as_toml, checked, declared_bytes, parsed_toml
 from sma_bayes.response import AUTO_MODEL, DEFAULT_MODEL
 from sma_bayes.studies.ask.workflow import PROBABILITY, TOLERANCE, WANTED
@@ -59,7 +60,7 @@ class StudyTable(StrictTable):
 
 
 class AskTable(StrictTable):
-    """One ``[[ask]]``; values with their units, as `ask` takes them."""
+    """One ``[[ask]]``; values with their units, as `ask` takes them. Those of a specimen have its names, too."""
 
     at: Texts = ()
     unit: Texts = ()
@@ -74,6 +75,11 @@ class AskTable(StrictTable):
     extrapolate: float = Field(default=0.0, ge=0.0, le=DEGREES.value)
     temperature_sd: float = Field(default=0.0, ge=0.0, le=DEGREES.value)
     temperature_unit: str | None = None
+
+    @model_validator(mode="before")
+    @classmethod
+    def _of_a_specimen(cls, values: Mapping[str, Any]) -> Mapping[str, Any]:
+        return {k if (channel := CHANNEL_OF.get(k, k)) in values else channel: v for k, v in values.items()}
 
     @model_validator(mode="after")
     def _one_value(self) -> AskTable:
