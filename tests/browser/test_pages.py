@@ -126,6 +126,12 @@ def moduli(tmp_path_factory: pytest.TempPathFactory) -> Path:
     return place / "out" / "report.html"
 
 
+def test_moduli_of_one_branch_stand_side_by_side(moduli: Path) -> None:
+    """Below each other they left half of the page empty beside them, and filled a printed page each."""
+    with Image.open(moduli.parent / "figures" / "moduli.png") as image:
+        assert image.width > 1.5 * image.height
+
+
 def test_moduli_are_seen_first_and_nothing_is_cut(moduli: Path, tmp_path: Path) -> None:
     page = moduli.read_text(encoding="utf-8")
     assert page.index("<figure") < page.index("<table")

@@ -37,6 +37,8 @@ CURVES: Final = 200
 def moduli_figure(stored: StoredModulus, number: int) -> Drawing:
     """Storage modulus, loss modulus and tan delta of a test against temperature, a colour for each frequency.
 
+    Of one branch they stand side by side, of two below each other.
+
     Parameters
     ----------
     stored : StoredModulus
@@ -49,12 +51,15 @@ def moduli_figure(stored: StoredModulus, number: int) -> Drawing:
     branches = list(dict.fromkeys(s.branch for s in own))
     channels = [c for c in SYMBOLS if any(v.channel == c for s in own for v in s.values)]
     frequencies = sorted({s.frequency for s in own if s.frequency is not None})
-    legend = 0.18 * -(-len(frequencies) // (4 * len(branches)))
-    figure = empty_sheet(0.95 + 3.1 * len(branches), 1.15 + legend + 1.9 * len(channels))
-    axes = panels(
-        figure, len(channels), len(branches), left=0.7, bottom=0.5, top=0.75 + legend, gap_x=0.75,
-        gap_y=0.5,
+    beside = len(branches) == 1
+    down, across = (1, len(channels)) if beside else (len(channels), len(branches))
+    legend = 0.18 * -(-len(frequencies) // (4 * across))
+    width, height = (2.5, 2.2) if beside and across > 1 else (3.1, 1.9)
+    figure = empty_sheet(0.95 + width * across, 1.15 + legend + height * down)
+    grid = panels(
+        figure, down, across, left=0.7, bottom=0.5, top=0.75 + legend, gap_x=0.75, gap_y=0.5,
     )  # fmt: skip
+    axes = [[ax] for ax in grid[0]] if beside else grid
     colours = dict(zip(frequencies, ordered_colours(len(frequencies)), strict=True))
     unit = modulus_unit(found)
     per = float(convert(1.0, "Pa", unit))
@@ -85,7 +90,7 @@ def moduli_figure(stored: StoredModulus, number: int) -> Drawing:
     if frequencies:
         figure.legend(
             handles=[dot_handle(colours[f], f"{f:g} Hz") for f in frequencies], loc="upper left", borderaxespad=0.0,
-            ncols=min(len(frequencies), 4 * len(branches)), bbox_to_anchor=(0.0, 1.0 - 0.32 / figure.get_figheight()),
+            ncols=min(len(frequencies), 4 * across), bbox_to_anchor=(0.0, 1.0 - 0.32 / figure.get_figheight()),
         )  # fmt: skip
     caption = (
         f"Storage modulus, loss modulus and their quotient of {test}: samples that were fitted, median and pointwise "
