@@ -76,7 +76,7 @@ FREQUENCY_DIGITS: Final = 3
 """Significant digits in which frequencies of one test agree."""
 MOST_FREQUENCIES: Final = 60
 FEWEST_ROWS: Final = 10
-AS_EXPORTED: Final = frozenset({"cut", "header", "preamble"})
+AS_EXPORTED: Final = frozenset({"cut", "header", "preamble", "units"})
 """Findings about a table that are told of no export: each has lines above its data, and nobody declared where a step
 ends."""
 LABEL_CHARACTERS: Final = 40

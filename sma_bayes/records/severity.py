@@ -17,7 +17,7 @@ _SERIOUS: Final = frozenset({
 })  # fmt: skip
 _NOTES: Final = frozenset({
     "assumed", "constant-channel", "constant-load", "cut", "held-samples", "hold", "not-fitted", "quantised",
-    "recognised", "reduced", "segments", "simulated", "twin",
+    "recognised", "reduced", "segments", "simulated", "twin", "units",
 })  # fmt: skip
 
 

@@ -228,7 +228,7 @@ def _header(
     used = () if names is None else (at,) if units is None else (at, at + 1)
     if units is not None:
         message = f"the units stand below the names: {', '.join(u or '-' for u in units)}"
-        findings = (*findings, rows_finding("header", message, np.array([above[at + 1][0]])))
+        findings = (*findings, rows_finding("units", message, np.array([above[at + 1][0]])))
     skipped = np.array([n for i, (n, _) in enumerate(above) if i not in used], dtype=np.int64)
     if not skipped.size:
         return names, units, findings

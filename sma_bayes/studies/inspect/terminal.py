@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 from sma_bayes.quantities import unit_text
+from sma_bayes.records.severity import SEVERITIES
 from sma_bayes.records.types import Campaign
 from sma_bayes.report.screen import screen, titled
 from sma_bayes.runs.declared_units import shown_as, shown_units
@@ -38,7 +39,7 @@ def show_inspection(report: dict[str, Any], campaign: Campaign) -> None:
     names |= {(r.condition, key): h.name for r in found.records for key, h in r.held.items()}
     if found.findings:
         findings = titled("findings", "kind", "where", "rows", "kept out", "what")
-        for f in found.findings:
+        for f in sorted(found.findings, key=lambda f: SEVERITIES.index(f.severity)):
             rows = ", ".join(str(r) for r in f.rows[:5]) + (" ..." if f.count > 5 else "")
             column = names.get((f.condition, f.column), f.column)
             where = " ".join(x for x in (f.condition, f.branch, column) if x)

@@ -169,7 +169,7 @@ def test_a_line_of_units_below_the_names_is_read_and_said(tmp_path: Path, units:
         assert table.names == ("Time", "Load")
         assert table.headers == ("Time [s]", "Load [N]")
         np.testing.assert_array_equal(table.row, [3, 4])
-        assert [(f.kind, f.rows) for f in table.findings] == [("header", (2,))]
+        assert [(f.kind, f.rows) for f in table.findings] == [("units", (2,))]
 
 
 def test_names_that_are_no_units_below_a_title_stay_names(tmp_path: Path) -> None:
