@@ -152,7 +152,7 @@ def fitted_without(
     if not draws.converged:
         return None
     (mean_seed,) = seed.spawn(1)
-    z = of_all_sweeps(draws.z, sampled, start, np.random.default_rng(mean_seed), one_size=True)
+    z = of_all_sweeps(draws.z, sampled, np.random.default_rng(mean_seed), one_size=True)
     return rest, replace(draws, z=z)
 
 
@@ -232,7 +232,7 @@ def _of_the_density(fit: Fit) -> tuple[Floats, Weights]:
         return fit.flat, fit.discrepancy
     rng = np.random.default_rng(np.random.SeedSequence([fit.seed, 9]))
     space = fit.posterior.space
-    z = of_all_sweeps(kept(fit.draws), sampled, space.unconstrain(fit.start), rng, one_size=True)
+    z = of_all_sweeps(kept(fit.draws), sampled, rng, one_size=True)
     theta = space.constrain(z).reshape(-1, fit.theta.shape[-1])
     return theta, fit.posterior.draw_discrepancy(rng, theta)
 

@@ -125,7 +125,7 @@ def fit_records(
                 fingerprint=sampled.fingerprint() if checkpoint else "",
                 progress=progress,
             )
-            found = of_all_sweeps(kept(draws), sampled, z, np.random.default_rng(mean_seed))
+            found = of_all_sweeps(kept(draws), sampled, np.random.default_rng(mean_seed))
     return Fit(
         posterior,
         start,

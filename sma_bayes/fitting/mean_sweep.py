@@ -12,18 +12,35 @@ each. How the mean of S sweeps scatters is another question, and sweeps need not
 midpoint and rate. It is drawn as new sweeps are (`sma_bayes.fitting.sweep_functions`), given the sweeps' own weights,
 
     mean ~ t_v(0, (n between**2 + sum of w w')/(S v)),    v = S - 1 + n.
+
+What the mean differs by is a change of the curve along its tangents. The parameters that go with it are those of the
+model's curve that is nearest to the changed one where the record has readings, by least squares. Along the tangents
+alone sweeps that differ by half a stroke would take them anywhere: the rate to its own 1e24 times.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sma_bayes.arrays import Floats
+from sma_bayes.arrays import Bools, Floats, Ints
 from sma_bayes.fitting.posterior import Posterior
 from sma_bayes.fitting.sweep_functions import SweepFunctions, degrees_of_freedom, sums_of_squares
+
+_TEMPERATURES = 48
+"""Readings of a record, spread evenly over all, at which a changed curve and that of the model are compared."""
+_DRAWS_AT_ONCE = 1000
+_ITERATIONS = 30
+_FIRST_DAMPING, _LESS, _MORE = 1e-4, 0.2, 4.0
+"""Damping of the first step [mean squared change of the curve by a standard deviation of the prior], and what becomes
+of it where a step brings the curves nearer to each other or does not."""
+_RIDGE = 1e-4
+"""Share of the squared change of a curve that it has to gain for a parameter to change by one standard deviation of its
+prior, by two four times as much."""
+_IMPROVEMENT = 1e-4
+"""Relative decrease of the squared distance below which the nearest curve is found."""
 
 
 def of_measured_sweeps(posterior: Posterior) -> Posterior:
@@ -56,7 +73,7 @@ def summing_to_zero(posterior: Posterior) -> Posterior:
 
 
 def of_all_sweeps(
-    z: Floats, sampled: Posterior, start: Floats, rng: np.random.Generator, *, one_size: bool = False
+    z: Floats, sampled: Posterior, rng: np.random.Generator, *, one_size: bool = False
 ) -> Floats:
     """Draws of the curve of all sweeps from those of the measured ones.
 
@@ -66,8 +83,6 @@ def of_all_sweeps(
         Draws of the `sampled` posterior.
     sampled : Posterior
         As `of_measured_sweeps` gives it.
-    start : ndarray, shape (D,)
-        Point in sampled coordinates at which the functions of sweeps are tangents of the curve.
     rng : numpy.random.Generator
     one_size : bool
         Whether sweeps scatter by one size in all functions, as the density of the posterior has it.
@@ -82,7 +97,8 @@ def of_all_sweeps(
     space, count = sampled.space, sampled.sampled_model.size
     out = z.reshape(-1, space.dimension).copy()
     theta = space.constrain(out)
-    slope = space.derivative(start)[:count]
+    temperature = np.sort(sampled.records[0].temperature)
+    temperature = temperature[np.linspace(0, temperature.size - 1, _TEMPERATURES).round().astype(int)]
     for channel, own in found:
         assert own.change is not None  # `of_measured_sweeps` has looked at it
         size = theta[:, sampled.layout[0].between[channel]]
@@ -91,8 +107,102 @@ def of_all_sweeps(
             mean = size[:, None] / np.sqrt(len(own.parts)) * normal
         else:
             mean = mean_of_all(rng, sampled.draw_sweeps(rng, theta, 0, channel), size)
-        out[:, :count] -= mean @ (own.change / slope[:, None]).T
+        moving = np.any(own.change != 0.0, axis=1)
+        for part in (slice(i, i + _DRAWS_AT_ONCE) for i in range(0, len(out), _DRAWS_AT_ONCE)):
+            curve = _Curve(sampled, channel, temperature, out[part], moving)
+            here = np.zeros((len(out[part]), moving.size))
+            out[part, :count] += _nearest(curve, curve.at(here) - mean[part] @ own.at(temperature).T)
     return out.reshape(z.shape)
+
+
+@dataclass(frozen=True, eq=False)
+class _Curve:
+    """The model's curve of a channel as a function of changes of its sampled parameters, for each of N draws.
+
+    Attributes
+    ----------
+    posterior : Posterior
+    channel : str
+    temperature : ndarray, shape (g,)
+    z : ndarray, shape (N, D)
+        Sampled coordinates of the draws.
+    moving : ndarray of bool, shape (p,)
+        Parameters of the curve that may change.
+    """
+
+    posterior: Posterior
+    channel: str
+    temperature: Floats
+    z: Floats
+    moving: Bools
+
+    def at(self, change: Floats) -> Floats:
+        """Curves (N, g) after changes (N, p)."""
+        theta, inputs = self._theta(change), {"temperature": self.temperature}
+        with np.errstate(over="ignore", invalid="ignore"):
+            return np.asarray(self.posterior.model.predict(theta, inputs)[self.channel])
+
+    def derivative(self, change: Floats) -> Floats:
+        """Of the curves with respect to the parameters that may change, shape (N, g, number of them)."""
+        theta, inputs, free = self._theta(change), {"temperature": self.temperature}, self._free
+        with np.errstate(over="ignore", invalid="ignore"):
+            slopes = self.posterior.model.jacobian(theta, inputs)[self.channel][..., free]
+            slopes = slopes * self.posterior.space.derivative(self._moved(change))[:, None, : free.size]
+        return np.asarray(slopes[..., self.moving])
+
+    @property
+    def _free(self) -> Ints:
+        return np.asarray(self.posterior.sampled_model)
+
+    def _moved(self, change: Floats) -> Floats:
+        z = self.z.copy()
+        z[:, : change.shape[1]] += change
+        return z
+
+    def _theta(self, change: Floats) -> Floats:
+        theta = self.posterior.space.constrain(self._moved(change))
+        return np.asarray(theta[:, self.posterior.layout[0].model])
+
+
+def _nearest(curve: _Curve, wanted: Floats) -> Floats:
+    """Changes (N, p) that bring curves nearest to those that are wanted (N, g).
+
+    Levenberg's method, all draws at once. Changes are counted in standard deviations of the prior: what curves hardly
+    see stays where it is (`_RIDGE`).
+    """
+    scale = curve.posterior.space.prior_sd()[: curve.moving.size][curve.moving]
+    change, eye = np.zeros((len(wanted), curve.moving.size)), np.eye(scale.size)
+    to_go = wanted - curve.at(change)
+    distance = _mean_square(to_go)
+    ridge = _RIDGE * distance
+    damping, going = np.full(len(wanted), _FIRST_DAMPING), np.isfinite(distance) & (distance > 0.0)
+    for _ in range(_ITERATIONS):
+        if not going.any():
+            break
+        slopes = curve.derivative(change) * scale
+        away = change[:, curve.moving] / scale
+        square = np.swapaxes(slopes, 1, 2) @ slopes / wanted.shape[1]
+        downhill = np.einsum("ngp,ng->np", slopes, to_go) / wanted.shape[1] - ridge[:, None] * away
+        size = np.trace(square, axis1=1, axis2=2) / scale.size
+        going &= np.isfinite(size)
+        square[~going], downhill[~going] = 0.0, 0.0
+        square += np.where(going, damping * size + ridge, 1.0)[:, None, None] * eye
+        trial = change.copy()
+        trial[:, curve.moving] += scale * np.linalg.solve(square, downhill[..., None])[..., 0]
+        left = wanted - curve.at(trial)
+        after = _mean_square(left) + ridge * np.sum((trial[:, curve.moving] / scale) ** 2, axis=1)
+        nearer = going & (after < distance)
+        going &= ~(nearer & (distance - after < _IMPROVEMENT * distance))
+        change[nearer], distance[nearer], to_go[nearer] = trial[nearer], after[nearer], left[nearer]
+        damping = np.where(nearer, _LESS * damping, _MORE * damping)
+    return change
+
+
+def _mean_square(curve: Floats) -> Floats:
+    """Of N curves; infinite where one is not finite."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        square = np.mean(curve**2, axis=1)
+    return np.where(np.isnan(square), np.inf, square)
 
 
 def mean_of_all(rng: np.random.Generator, weights: Floats, size: Floats) -> Floats:
