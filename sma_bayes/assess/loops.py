@@ -9,8 +9,8 @@ from sma_bayes.arrays import Floats
 from sma_bayes.assess.adequacy import led_by_prior
 from sma_bayes.assess.bands import band_channels, curve_draws, temperature_grid
 from sma_bayes.assess.middle import middle_temperatures
-from sma_bayes.document_part import IntervalDocument
-from sma_bayes.fitting.curves import interval
+from sma_bayes.document_part import IntervalDocument, Number
+from sma_bayes.fitting.curves import interval_where_defined
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.response.modified_sigmoid import channel_unit
 
@@ -24,6 +24,9 @@ class QuantityInterval(IntervalDocument):
     channel: str = Field(description="of whose curve it is")
     unit: str = Field(description="unit of its numbers")
     meaning: str = Field(default="", description="in words")
+    defined: Number = Field(
+        default=1.0, description="share of the draws that have it; the interval is theirs [1]"
+    )
     negative: bool = Field(
         default=False,
         description="of least and greatest stiffness, which are magnitudes: whether the stiffness is negative there, "
@@ -75,11 +78,8 @@ def loop_quantities(heating: Fit, cooling: Fit, records: tuple[int, int] = (0, 0
         )
         if a is not None and b is not None:
             size = min(a.size, b.size)
-            width = a[:size] - b[:size]
-            if np.isfinite(width).any():
-                width = width[np.isfinite(width)]
             out.append(_interval(
-                "hysteresis_width", heating, records[0], channel, t_unit, width,
+                "hysteresis_width", heating, records[0], channel, t_unit, a[:size] - b[:size],
                 "temperature at which the curve is half-way, heating less cooling", branch="",
             ))  # fmt: skip
         if high > low:
@@ -112,6 +112,6 @@ def _interval(
     r = fit.records[record]
     shown = r.branch.value if branch is None else branch
     return QuantityInterval(
-        name=name, condition=r.condition.id, branch=shown, channel=channel, unit=unit, **interval(draws),
-        meaning=meaning, negative=negative,
+        name=name, condition=r.condition.id, branch=shown, channel=channel, unit=unit,
+        **interval_where_defined(draws), meaning=meaning, defined=1.0 - np.isnan(draws).mean(), negative=negative,
     )  # fmt: skip

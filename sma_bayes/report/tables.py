@@ -374,6 +374,7 @@ def quantity_table(content: Content) -> Table:
             *_RECORD,
             *words("quantity", "channel", "unit"),
             Column("value", "value", UNIT_OF_ROW),
+            Column("draws with a value", "defined", "1", brief=False),
             Column("meaning", "meaning", brief=False),
         ),
         tuple(rows),
@@ -382,7 +383,8 @@ def quantity_table(content: Content) -> Table:
 
 def _quantity_cells(r: RecordContent, q: QuantityInterval) -> tuple[Cell, ...]:
     name = q.name.replace("_", " ").replace("stiffness", r.name_of("stiffness"))
-    return name, r.name_of(q.channel), unit_label(q.unit) or "1", Estimate.of(q, q.unit), q.meaning
+    unit, defined = unit_label(q.unit) or "1", Number(q.defined, "1", 0.01)
+    return name, r.name_of(q.channel), unit, Estimate.of(q, q.unit), defined, q.meaning
 
 
 def transformation_table(records: Sequence[RecordContent]) -> Table:

@@ -8,6 +8,8 @@ from typing import Any
 import numpy as np
 import pytest
 
+from sma_bayes.arrays import Floats
+from sma_bayes.assess import loops
 from sma_bayes.assess.bands import (
     LEVELS,
     band_channels,
@@ -373,3 +375,24 @@ def test_checks_see_sweeps_that_differ() -> None:
     offset = np.repeat([0.03, -0.03, 0.0], QUIET.size)
     assert p_values(spring_with(noise, segment=sweep))["sweep_means"] > 0.01
     assert p_values(spring_with(noise + offset, segment=sweep))["sweep_means"] < 0.002
+
+
+def test_draws_without_a_half_way_temperature_are_counted(
+    fits: dict[str, Fit], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """One in ten of heating has none: the width is that of the others, and so is its interval."""
+
+    def some(curves: CurveDraws, channel: str) -> Floats:
+        t = np.linspace(50.0, 60.0, 1000)
+        return (
+            np.where(np.arange(1000) % 10 == 0, np.nan, t)
+            if curves.posterior is fits["heating"].posterior
+            else t - 4.0
+        )
+
+    monkeypatch.setattr(loops, "middle_temperatures", some)
+    width = next(q for q in loop_quantities(fits["heating"], fits["cooling"]) if q.name == "hysteresis_width")
+    assert width.defined == pytest.approx(0.9)
+    assert width.median == pytest.approx(4.0)
+    area = next(q for q in loop_quantities(fits["heating"], fits["cooling"]) if q.name == "loop_area")
+    assert area.defined == 1.0
