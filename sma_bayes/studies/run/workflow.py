@@ -290,11 +290,14 @@ def in_keys(message: str, step: str, keys: Sequence[str]) -> str:
     --------
     >>> in_keys("name it with --condition, or use `sma-bayes watch --condition`", "watch", ["condition"])
     'name it with `condition` in [watch], or use `sma-bayes watch --condition`'
+    >>> in_keys("give --rate '2 K/min'", "plan", ["rate"])
+    'give `rate = "2 K/min"` in [plan]'
     """
     parts = message.split("`")
     for key in keys:
-        option = re.compile(rf"(?<!\S)--{re.escape(key.replace('_', '-'))}(?![\w-])")
-        parts[::2] = [option.sub(f"`{key}` in [{step}]", part) for part in parts[::2]]
+        option = rf"(?<!\S)--{re.escape(key.replace('_', '-'))}"
+        for pattern, told in ((rf"{option} '([^']*)'", rf'{key} = "\1"'), (rf"{option}(?![\w-])", key)):
+            parts[::2] = [re.sub(pattern, f"`{told}` in [{step}]", part) for part in parts[::2]]
     return "`".join(parts)
 
 
