@@ -28,6 +28,8 @@ from sma_bayes.records.toml_table import StrictTable, as_toml, checked, declared
 from sma_bayes.records.types import Condition
 
 CAMPAIGN_FILE: Final = "campaign.toml"
+WRITTEN_BY_A_RUN: Final = "run.json"
+"""Stands in every folder that a run has written, often beside a copy of the campaign file."""
 
 FILES_SHOWN, FILES_NAMED = 10, 3
 """So many files of a folder are listed in a message, and so many of a condition."""
@@ -699,6 +701,8 @@ def _similar(path: Path) -> str:
     there = sorted(p.name for p in path.parent.iterdir())
     if not there:
         return f"{_folder(path)} is empty; name the folder of the data"
+    if WRITTEN_BY_A_RUN in there:
+        return f"{_folder(path)} is what a run has written; name the folder of the measurements, or give it as --data"
     below = [name for name in there if (path.parent / name / path.name).is_file()]
     if below:
         where = str(path.parent / below[0])

@@ -18,6 +18,7 @@ from sma_bayes.records.mapping import read_run
 from sma_bayes.records.run import Run
 from sma_bayes.records.split import SplitSettings
 from sma_bayes.records.types import Branch, Calibration, Finding
+from sma_bayes.runs.documents import RUN_MARKER
 
 COLUMNS = """
 [columns]
@@ -547,6 +548,9 @@ class TestMistakes:
             f"the folder {str(folder)!r} holds a.csv, campaign.toml, run00.dat"
         )
         assert str(error.remedy).endswith("run07.dat and 12 more")
+        (folder / RUN_MARKER).touch()
+        error = refused(CampaignError, declare(folder, COLUMNS + CONDITION.replace("a.csv", "Q")))
+        assert "is what a run has written; name the folder of the measurements" in str(error.remedy)
 
     def test_a_column_that_is_not_there(self, folder: Path) -> None:
         error = refused(CampaignError, declare(folder, COLUMNS.replace('"force_N"', '"Force_N"') + CONDITION))
