@@ -92,6 +92,7 @@ _SUFFIXED = re.compile(r"(.*)_(degC|C|K|degF|[kMG]?Pa|[km]?Hz|s|min|h)")
 _SPACED = re.compile(r"(.*\S)\s+(°C|ºC|℃|°F|K|[kMG]?Pa|[km]?Hz|rad/s|s|min|h)")
 _SIGNAL = re.compile(r"sig(\d+)", re.IGNORECASE)
 _STEP = re.compile(r"\s*\[step\]\s*", re.IGNORECASE)
+_INTERVAL = re.compile(r'"?Interval data:', re.IGNORECASE)
 _PLAIN = {
     "°C": "degC", "C": "degC", "ºC": "degC", "℃": "degC", "deg C": "degC", "Celsius": "degC", "Cel": "degC",
     "°F": "degF", "F": "degF", "℉": "degF", "K": "kelvin", "": "1", "-": "1", "1": "1",
@@ -335,7 +336,7 @@ def _tests(path: Path, stem: str, options: DmtaOptions, left_out: list[str]) -> 
 
 
 def _parts(path: Path, options: DmtaOptions) -> Iterator[tuple[str, Reading, Ints]]:
-    """Sheets of a workbook, steps of a text file, or the whole file, with the lines of text below its data."""
+    """Sheets of a workbook, tables of a text file, or the whole file, with the lines of text below its data."""
     none = np.empty(0, dtype=np.int64)
     if path.is_dir():
         raise MeasurementError(
@@ -355,12 +356,29 @@ def _parts(path: Path, options: DmtaOptions) -> Iterator[tuple[str, Reading, Int
     except ReadingError as error:
         remedy = "name the encoding of the text, for many Windows programs --encoding cp1252"
         raise error.but(remedy="save the text as UTF-8" if encoding == "cp1252" else remedy) from None
-    steps = [i for i, line in enumerate(lines) if _STEP.fullmatch(line)]
-    for at, end in zip(steps, [*steps[1:], len(lines)], strict=True) if steps else [(-1, len(lines))]:
-        title = lines[at + 1].strip(' \t,;"') or f"step-{at + 1}" if 0 <= at < end - 1 else ""
-        last = _end_of_data(lines, at + 1, end)
+    starts = list(_starts(lines)) or [(0, 0, "")]
+    for (_, begin, title), (end, *_) in zip(starts, [*starts[1:], (len(lines), 0, "")], strict=True):
+        last = _end_of_data(lines, begin, end)
         below = np.array([i + 1 for i in range(last, end) if lines[i].strip()], dtype=np.int64)
-        yield title, Reading(encoding=encoding, skip_rows=at + 1, last_row=last), below
+        yield title, Reading(encoding=encoding, skip_rows=begin, last_row=last), below
+
+
+def _starts(lines: Sequence[str]) -> Iterator[tuple[int, int, str]]:
+    """Tables of a text whose program marks them: place of the mark, first line that is read, title.
+
+    TRIOS writes ``[step]`` with a title below it, RheoCompass ``Interval data:`` in the line of the names, Proteus
+    ``##`` before these.
+    """
+    intervals = 0
+    for i, line in enumerate(lines):
+        if _STEP.fullmatch(line):
+            title = lines[i + 1].strip(' \t,;"') if i + 1 < len(lines) else ""
+            yield i, i + 1, title or f"step-{i + 1}"
+        elif _INTERVAL.match(line):
+            intervals += 1
+            yield i, i, f"interval-{intervals}"
+        elif line.startswith("##"):
+            yield i, i, f"line-{i + 1}"
 
 
 def _end_of_data(lines: Sequence[str], begin: int, end: int) -> int:

@@ -116,6 +116,57 @@ def test_proteus_states_unit_and_frequency_in_the_name(tmp_path: Path) -> None:
     np.testing.assert_allclose(ten.observed["stiffness"], storage(ten.temperature, 10.0), rtol=1e-5)
 
 
+@pytest.mark.parametrize(("delimiter", "decimal"), [(";", ","), ("\t", ".")])
+def test_proteus_writes_what_it_measured_above_the_names(
+    tmp_path: Path, delimiter: str, decimal: str
+) -> None:
+    """A line for each setting, padded with blanks, some with a number; Western Windows text."""
+    settings = {
+        "#EXPORTTYPE:": "DATA ALL", "#FILE:": "strip.ngb-dm2", "#FORMAT:": "NETZSCH5", "#FTYPE:": "ANSI",
+        "#IDENTITY:": "1", "#DECIMAL:": "COMMA" if decimal == "," else "POINT",
+        "#SEPARATOR:": "SEMICOLON" if delimiter == ";" else "TAB", "#MTYPE:": "DMA",
+        "#INSTRUMENT:": "NETZSCH DMA 242 E Artemis", "#SEG. 1:": "0.0°C/2.0(K/min)/100.0°C",
+        "#SAMPLE LENGTH /mm:": f"10{decimal}000",
+    }  # fmt: skip
+    head = [f"{key:<20}{delimiter}{value:<30}{2 * delimiter}" for key, value in settings.items()]
+    frequency = f"1{decimal}000 Hz"
+    names = ["##Temp./°C", f"E'({frequency})/MPa", f"E''({frequency})/MPa", f"tan d({frequency})"]
+    body = [
+        r.replace(".", decimal) for r in rows(ident, in_mpa(storage), in_mpa(loss), tan, delimiter=delimiter)
+    ]
+    lines = [*head, "", delimiter.join(names), *body]
+    require_known(read_dmta([write(tmp_path / "netzsch.csv", lines, "cp1252")]))
+
+
+@pytest.mark.parametrize(("encoding", "delimiter"), [("utf-16", "\t"), ("utf-8-sig", ";")])
+def test_rheocompass_writes_the_names_of_each_interval_anew(
+    tmp_path: Path, encoding: str, delimiter: str
+) -> None:
+    """An interval for each branch; names, an empty line, units in brackets, and an empty cell before each row."""
+    names = [
+        "Interval data:",
+        "Point No.",
+        "Temperature",
+        "Storage Modulus",
+        "Loss Modulus",
+        "Frequency",
+        "Status",
+    ]
+    units = ["", "", "[°C]", "[MPa]", "[MPa]", "[Hz]", ""]
+    half = T.size // 2
+    body = [
+        delimiter.join(["", str(i % half + 1), r.replace(".", ","), "Dy_auto"])
+        for i, r in enumerate(rows(ident, in_mpa(storage), in_mpa(loss), None, delimiter=delimiter))
+    ]
+    part = [delimiter.join(names), 6 * delimiter, delimiter.join(units)]
+    head = [f"Project:{delimiter}NiTi", f"Test:{delimiter}strip 1", "",
+            delimiter.join(["Interval and data points:", "2", "50", "50"])]  # fmt: skip
+    lines = [*head, *part, *body[:half], "", *part, *body[half:], ""]
+    found = read_dmta([write(tmp_path / "strip.csv", lines, encoding)])
+    require_known(found)
+    assert [s.id for s in found.sweeps] == ["strip-interval-1-1Hz-heating", "strip-interval-2-1Hz-cooling"]
+
+
 def test_pyris_and_decimal_commas(tmp_path: Path) -> None:
     head = ["Temp. (°C)\tFrequency (Hz)\tModulus E' (Pa)\tModulus E\" (Pa)"]
     body = [r.replace(".", ",") for r in rows(ident, None, storage, loss, delimiter="\t")]
