@@ -42,7 +42,7 @@ SelfCheck = Annotated[
     bool,
     typer.Option(
         "--self-check",
-        help="Simulate 1000 measurements from each posterior, fit them again: do intervals hold the truths?",
+        help="Simulate measurements from each posterior (250 to 1000), fit them again: do intervals hold the truths?",
     ),
 ]
 Strict = Annotated[bool, typer.Option("--strict", help="Exit status 1 also where a fit is not adequate.")]

@@ -35,7 +35,7 @@ def test_right_fits_pass(make_record: Callable[..., Record]) -> None:
     assert alarms <= binom.isf(1e-3, 20, FALSE_ALARMS)
 
 
-@pytest.mark.parametrize(("width", "shift", "replicates"), [(0.6, 0.0, 400), (1.0, 0.5, 160)])
+@pytest.mark.parametrize(("width", "shift", "replicates"), [(0.6, 0.0, 250), (1.0, 0.5, 160)])
 def test_wrong_draws_of_a_fit_are_seen(
     make_record: Callable[..., Record], width: float, shift: float, replicates: int
 ) -> None:

@@ -64,9 +64,18 @@ from sma_bayes.studies.sensitivity.quantities import (
 
 FOLDER: Final = "self_check"
 DEFAULT_REPLICATES: Final = 1000
-"""Replicates unless another number is asked for."""
+"""Replicates unless another number is asked for, or a record has many readings."""
+READINGS_REFITTED: Final = 75_000
+"""Readings of all replicates together from which there are fewer of these."""
+FEWEST_OF_MANY_READINGS: Final = 250
+"""Replicates of a record with however many readings; half a standard deviation is still seen."""
 DRAWS: Final = 500
-"""Draws of each refit; the place of a truth among them is uniform however few there are."""
+"""Draws of each refit, which tell whether it can be relied on."""
+RANKED_DRAWS: Final = 100
+"""Of these, drawn by their weights, those among which the place of a truth is told: it is uniform however few there
+are, and what a fit reports of each takes as long as the refit."""
+EVEN: Final = np.full(RANKED_DRAWS, -np.log(RANKED_DRAWS))
+"""Logarithms of their weights."""
 REPLICATES_PER_TASK: Final = 25
 """Replicates of one task."""
 PILOT_REPLICATES: Final = 8
@@ -161,6 +170,22 @@ def replicates_asked(self_check: bool | int) -> int:
             remedy=f"leave it at True for {DEFAULT_REPLICATES}",
         )
     return self_check
+
+
+def replicates_of(asked: bool | int, readings: int) -> int:
+    """Replicates of a record with so many readings: the number that was asked for, else what takes about a minute.
+
+    Examples
+    --------
+    >>> [replicates_of(True, n) for n in (28, 150, 10_000)]
+    [1000, 500, 250]
+    >>> replicates_of(400, 10_000)
+    400
+    """
+    most = replicates_asked(asked)
+    if asked is not True:
+        return most
+    return min(most, max(READINGS_REFITTED // readings, FEWEST_OF_MANY_READINGS))
 
 
 def check_self_check(options: FitOptions, replicates: int) -> None:
@@ -304,10 +329,7 @@ def ranked(task: ReplicateTask) -> RecordRanks:
         for i, (both, draws, rng) in enumerate(_refits(task)):
             if not draws.converged:
                 continue
-            z, log_weight = draws.z, draws.log_weight
-            if len(z) > DRAWS:  # of a thorough refit: quantities of so many take longer than the refit
-                z = z[resampled(log_weight, DRAWS, rng)]
-                log_weight = np.full(DRAWS, -np.log(DRAWS))
+            z = draws.z[resampled(draws.log_weight, RANKED_DRAWS, rng)]
             theta = both.space.constrain(z)
             missed = both.draw_discrepancy(rng, theta)[0] if both.has_discrepancy else {}
             truth = task.weights[0] if task.weights else {}
@@ -318,7 +340,7 @@ def ranked(task: ReplicateTask) -> RecordRanks:
                 {c: np.concatenate([truth[c][i : i + 1], w]) for c, w in missed.items()},
             )
             quantities = quantities_of(joined, task.at, stiffness=task.stiffness)
-            found.append(places(np.stack([q.draws for q in quantities], axis=1), log_weight, rng))
+            found.append(places(np.stack([q.draws for q in quantities], axis=1), EVEN, rng))
     replicates = len(task.theta)
     if quantities is None:
         return RecordRanks((), np.empty((0, 0)), replicates)
@@ -356,7 +378,7 @@ def summarised(ranks: RecordRanks, replicates: int) -> SelfCheckSummary:
 
 def checked(
     records: Sequence[tuple[RecordDraws, bool]],
-    replicates: int,
+    asked: bool | int,
     seed: int,
     folder: Path | None = None,
     jobs: int | None = None,
@@ -369,18 +391,23 @@ def checked(
     ----------
     records : sequence of tuple of RecordDraws and bool
         Each with whether the fit gives a stiffness of it.
-    replicates, seed : int
+    asked : bool or int
+        See `replicates_of`.
+    seed : int
     folder : Path, optional
         Of the run: places are written to ``self_check/KEY.csv``, a row a replicate.
     jobs, account
         See `sma_bayes.runs.jobs.run`.
     tell : callable, optional
     """
-    shared = [tasks_of(draws, stiffness, replicates, seed) for draws, stiffness in records]
+    counts = [replicates_of(asked, draws.record.n) for draws, _ in records]
+    shared = [
+        tasks_of(draws, stiffness, n, seed) for (draws, stiffness), n in zip(records, counts, strict=True)
+    ]
     paths = [None if folder is None else folder / FOLDER / f"{draws.key}.csv" for draws, _ in records]
     known = [
-        None if path is None else _read(path, draws, tasks[0], replicates)
-        for path, (draws, _), tasks in zip(paths, records, shared, strict=True)
+        None if path is None else _read(path, draws, tasks[0], n)
+        for path, (draws, _), tasks, n in zip(paths, records, shared, counts, strict=True)
     ]
     open_ = [n for n, done in enumerate(known) if done is None]
     if tell is not None and open_:
@@ -397,11 +424,11 @@ def checked(
     todo = [replace(t, common=f.common) for n, f in zip(open_, first, strict=True) for t in shared[n]]
     if tell is not None and open_:
         each = [len(t.theta) * f.seconds for n, f in zip(open_, first, strict=True) for t in shared[n]]
-        what = f"self-check of {many(len(open_), 'record')}, {many(replicates, 'refit')}"
-        announce(tell, by_the_clock(each, jobs), what if len(open_) == 1 else f"{what} each")
+        total = many(sum(counts[n] for n in open_), "refit")
+        announce(tell, by_the_clock(each, jobs), f"self-check of {many(len(open_), 'record')}, {total}")
     results = run(ranked, todo, jobs, account=account, stage="self_check")
     count = 0
-    for (draws, _), tasks, done, path in zip(records, shared, known, paths, strict=True):
+    for (draws, _), tasks, done, path, n in zip(records, shared, known, paths, counts, strict=True):
         if done is None:
             parts = []
             for _ in tasks:
@@ -412,7 +439,7 @@ def checked(
             done = _joined(parts)
             if path is not None:
                 _write(path, done)
-        yield summarised(done, replicates)
+        yield summarised(done, n)
 
 
 def _joined(parts: Sequence[RecordRanks]) -> RecordRanks:

@@ -184,8 +184,10 @@ def self_check_sentences(records: Sequence[RecordSummary]) -> Iterator[str]:
     if good:
         held = [one for c in good for q in c.quantities for one in q.coverage if one.level == 0.9]
         least, most = (100 * f(one.share for one in held) for f in (min, max))
+        fewest, refits = (f(c.replicates for c in good) for f in (min, max))
+        counted = f"{refits}" if fewest == refits else f"{fewest} to {refits}"
         yield (
-            f"Self-check: {len(good)} of {many(len(found), 'record')} passed, {good[0].replicates} refits of simulated "
+            f"Self-check: {len(good)} of {many(len(found), 'record')} passed, {counted} refits of simulated "
             f"measurements each; 90 % intervals held {least:.3g} to {most:.3g} % of the truths ({rate})."
         )
     for key, c in found:

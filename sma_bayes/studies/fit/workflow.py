@@ -137,7 +137,7 @@ def fit(
     records = [
         (record_draws(f, f.index), bool(f.summarised.quantities_of_branch)) for f in found_fits.values()
     ]
-    ranks = checked(records, replicates, seed, jobs=jobs)
+    ranks = checked(records, self_check, seed, jobs=jobs)
     return Fits({
         key: replace(f, self_check=one) for (key, f), one in zip(found_fits.items(), ranks, strict=True)
     })  # fmt: skip
@@ -237,7 +237,7 @@ def fit_campaign(
             groups, options, folder, work, doubted_conditions(campaign.findings)
         )
         if replicates:
-            records = _checked(records, replicates, seed, folder, work)
+            records = _checked(records, self_check, seed, folder, work)
     with work.account.timed("write"):
         write_text(folder / "priors.toml", options.priors.whole_text)
         if campaign.declaration:
@@ -263,11 +263,11 @@ def fit_campaign(
 
 
 def _checked(
-    records: Sequence[RecordSummary], replicates: int, seed: int, folder: Path, work: RunContext
+    records: Sequence[RecordSummary], asked: bool | int, seed: int, folder: Path, work: RunContext
 ) -> list[RecordSummary]:
     """Entries of records with what their self-check says; its ranks are written to the folder."""
     draws = [(draws_of(folder, r, seed), bool(r.quantities_of_branch)) for r in records]
-    found = checked(draws, replicates, seed, folder, work.jobs, work.account, work.tell)
+    found = checked(draws, asked, seed, folder, work.jobs, work.account, work.tell)
     return [r.but(self_check=one) for r, one in zip(records, found, strict=True)]
 
 

@@ -255,3 +255,30 @@ def test_a_refit_is_timed_by_those_that_are_not_counted(draws: RecordDraws) -> N
     found = self_check.first_refits(self_check.pilot_task(draws, False, 0))
     assert found.common is not None
     assert found.seconds > 0.0
+
+
+def test_a_record_of_many_readings_has_fewer_replicates(
+    draws: RecordDraws, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Unless a number is asked for; each record states its own."""
+    monkeypatch.setattr(self_check, "READINGS_REFITTED", 40 * draws.record.n)
+    monkeypatch.setattr(self_check, "FEWEST_OF_MANY_READINGS", 20)
+    (found,) = checked([(draws, False)], True, 0, jobs=1)
+    (asked,) = checked([(draws, False)], 60, 0, jobs=1)
+    assert (found.replicates, asked.replicates) == (40, 60)
+
+
+def test_places_are_told_among_as_many_draws_as_are_ranked(
+    draws: RecordDraws, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """What a fit reports is made of these draws and the truth, not of all by which a refit is judged."""
+    sizes = []
+    whole = self_check.quantities_of
+
+    def counted(joined: RecordDraws, *rest: object, **named: object) -> object:
+        sizes.append(joined.size)
+        return whole(joined, *rest, **named)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(self_check, "quantities_of", counted)
+    self_check.ranked(self_check.pilot_task(draws, False, 0).first(3))
+    assert sizes == 3 * [1 + self_check.RANKED_DRAWS]
