@@ -19,6 +19,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import logsumexp
+from scipy.stats import norm
 
 from sma_bayes.arrays import Floats
 from sma_bayes.records.history import sweep_rate
@@ -122,6 +123,20 @@ def log_bayes_factor(b: Floats, information: Floats) -> Floats:
     fit = 0.5 * (1.0 / (information + precision)) @ (b * b)
     price = 0.5 * np.log1p(COEFFICIENT_SD_GRID[:, None] ** 2 * information).sum(axis=1)
     return np.asarray(logsumexp(fit - price[:, None], axis=0) - np.log(COEFFICIENT_SD_GRID.size))
+
+
+def log_density_of_size(fitted: FittedHypothesis, change: Floats) -> float:
+    """Log prior density of the logarithm of a size, were it the coefficient of a term.
+
+    Parameters
+    ----------
+    fitted : FittedHypothesis
+    change : ndarray, shape (N,)
+        What is added, of which the greatest value counts, in standard deviations of the noise of its channel.
+    """
+    size = max(float(np.max(np.abs(change[b.at]))) / _noise(fitted, b.channel) for b in fitted.blocks)
+    each = norm.logpdf(size, scale=COEFFICIENT_SD_GRID)
+    return float(logsumexp(each) - np.log(COEFFICIENT_SD_GRID.size) + np.log(size))
 
 
 def gains(fitted: FittedHypothesis, terms: Sequence[Term]) -> list[TermEvidence]:

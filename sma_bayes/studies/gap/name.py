@@ -5,10 +5,11 @@ less what the model's parameters absorb, is laid over the residuals. Those that 
 full, with all parameters and the noise anew, and judged by the evidence.
 
 Three guards stand against false names. An effect must be worth more than flexible terms that contain most of its
-signature, or, with a flexible term on top of it, more than flexible terms are without it (`EvidenceBeside`). It must be
-worth more than the shapes that the curve of one stage can have, or explain what no curve of any shape does, the same in
-every sweep and condition: no specimen is a sigmoid, and an effect that only bends its curve is no cause. And the noise
-keeps its memory throughout, so slow residuals do not count as often as they were sampled.
+signature, were their size as surprising as its own, or, with a flexible term on top of it, more than flexible terms are
+without it (`EvidenceBeside`). It must be worth more than the shapes that the curve of one stage can have, or explain
+what no curve of any shape does, the same in every sweep and condition: no specimen is a sigmoid, and an effect that
+only bends its curve is no cause. And the noise keeps its memory throughout, so slow residuals do not count as often as
+they were sampled.
 """
 
 from __future__ import annotations
@@ -40,6 +41,7 @@ from sma_bayes.studies.gap.flexible import (
     TermEvidence,
     TermWorth,
     gains,
+    log_density_of_size,
     offer,
     terms_of,
     worth_of,
@@ -223,7 +225,7 @@ class Candidate:
     ln_bayes_factor : float
         For the effect, over the model as it was: from the full fit, or as screened where there was none.
     guard : float
-        Greatest Bayes factor of a flexible term that contains most of its signature.
+        Log Bayes factor of flexible terms that contain most of its signature, were their size as surprising as its own.
     guard_covariate : str
         Of that term; empty where there is none.
     beside : EvidenceBeside or None
@@ -484,6 +486,7 @@ def judged(
     extended = within_range(extended, extended.ln_evidence - fitted.ln_evidence)
     signature = signature_at_mode(fitted, extended)
     guard, covariate = flexible_alternative(signature, flexible, screened)
+    guard -= surprise_of_size(fitted, extended)
     gained = extended.ln_evidence - fitted.ln_evidence
     beside = (
         EvidenceBeside.of(gained, offer(extended), rivals.terms) if gained >= LEAST_LN_BAYES_FACTOR else None
@@ -653,6 +656,29 @@ def flexible_alternative(
     if not found:
         return -np.inf, ""
     return float(logsumexp([f[0] for f in found]) - np.log(len(found))), max(found)[1]
+
+
+def surprise_of_size(fitted: FittedHypothesis, extended: FittedHypothesis) -> float:
+    """How much less likely the size of the last effect was by its prior than as the coefficient of a flexible term.
+
+    How large an effect is may surprise. A function without meaning has any size, so that what a small size of the one
+    costs says nothing for the other. As a difference of log densities, at least 0; 0 for a random effect, whose size is
+    a scatter.
+
+    Parameters
+    ----------
+    fitted, extended : FittedHypothesis
+        The model, and the same with the effect around it.
+    """
+    hypothesis = extended.hypothesis
+    effect = hypothesis.effects[-1]
+    at = int(hypothesis.effect_positions[effect.id][0])
+    size = float(extended.theta[at])
+    change = added_by(effect, hypothesis, extended.blocks, extended.theta)
+    if members_of(effect) or size == 0.0 or not np.any(change):
+        return 0.0
+    own = hypothesis.space.parameters[at].prior.log_density(np.array(size)) + np.log(abs(size))
+    return max(0.0, log_density_of_size(fitted, change) - float(own))
 
 
 def _contained(gain: TermEvidence, signatures: Floats) -> Floats:

@@ -135,7 +135,8 @@ class RefittedCandidate(DocumentPart):
         description="of the model with it over that without, in the round in which it was judged [1]"
     )
     guard: NumberOrNull = Field(
-        description="ln Bayes factor of the best flexible term in its place; null where none contains its signature"
+        description="ln Bayes factor of the best flexible term in its place, less what the size of the effect costs by "
+        "its prior beyond what it would as the coefficient of that term; null where none contains its signature"
     )
     guard_covariate: str = Field(description="covariate of which that term is a function")
     ln_bayes_factor_beside: NumberOrNull = Field(

@@ -473,9 +473,9 @@ def is_worthy(candidate: Candidate) -> bool:
     """Whether an effect explains more than functions without meaning do, and than the shape of the curve.
 
     In the place of such functions it must be worth more than the flexible terms that contain its signature
-    (`flexible_alternative`). Beside them, the effect with the best flexible term on top must be worth more than such a
-    term alone, by `LEAST_LN_BAYES_FACTOR`, and the effect must carry `LEAST_SHARE_BESIDE_FLEXIBLE` of what the two
-    explain.
+    (`flexible_alternative`), were their size as surprising as its own (`surprise_of_size`). Beside them, the effect
+    with the best flexible term on top must be worth more than such a term alone, by `LEAST_LN_BAYES_FACTOR`, and the
+    effect must carry `LEAST_SHARE_BESIDE_FLEXIBLE` of what the two explain.
 
     The shape of the curve is a rival in the same two ways. In its place the effect must be worth more than every shape
     that one stage can have, by `LEAST_LN_BAYES_FACTOR`. Beside a curve of any shape, the same in every sweep and

@@ -6,9 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.stats import norm
 
 from sma_bayes.studies.gap.fitting import fit_hypothesis
 from sma_bayes.studies.gap.flexible import (
+    COEFFICIENT_SD_GRID,
     FlexibleTerms,
     Term,
     beyond_shape,
@@ -24,6 +26,7 @@ from sma_bayes.studies.gap.name import (
     Rivals,
     candidates,
     flexible_alternative,
+    judged,
     screen,
     screen_all,
     signature_at_mode,
@@ -140,6 +143,27 @@ def test_the_guard_is_the_mean_of_the_terms_that_hold_most_of_a_signature(line, 
         flexible[0].ln_bayes_factor,
         "holds it",
     )
+
+
+@pytest.mark.parametrize("sd", [1.0, 1e4])
+def test_a_size_that_surprises_costs_the_guard_as_much(line, fitted, added, sd: float) -> None:
+    """The prior of the size goes, by which a function of the same form would win, and that of its coefficient comes."""
+    effect, rng = added("wave", wave, sd), np.random.default_rng(0)
+    column = column_of(effect, line)
+    terms = gains(
+        fitted, [Term("order", "displacement", np.column_stack([column, rng.standard_normal(line.y.size)]))]
+    )
+    screened = screen(fitted, effect)
+    extended = fit_hypothesis(line.hypothesis.extended(effect), screened.start, line.noise)
+    size = float(extended.theta[-1])
+    noise = np.sqrt(np.mean([n.sd**2 for n in line.noise]))
+    coefficient = abs(size) * np.max(np.abs(column)) / noise
+    own = norm.pdf(size, 0.0, sd) * abs(size)
+    as_term = np.mean(norm.pdf(coefficient, 0.0, COEFFICIENT_SD_GRID)) * coefficient
+    found = judged(fitted, extended, screened, terms, Rivals.of(fitted, terms))
+    price = max(np.log(as_term / own), 0.0)
+    assert (price > 5.0) == (sd > 1.0)
+    assert terms[0].ln_bayes_factor - found.guard == pytest.approx(price, abs=1e-6)
 
 
 def test_a_line_does_not_guard_against_an_effect_that_is_that_line(line, fitted, added) -> None:
