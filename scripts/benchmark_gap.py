@@ -3,7 +3,7 @@
 `run` makes campaigns with `gap_benchmark`, whose mechanisms share no code with the catalogue of effects, runs the
 workflow blind on each, and adds a row to a CSV file. Each row says by which engine, a digest of the modules that
 decide; what the present engine has done already is not done again, so counts grow over several sittings. `goals` and
-`table` print how often the outcome was right, with exact intervals.
+`table` print how often the outcome was right, with exact intervals; `attainable`, how often it can be at best.
 
 Suites:
 
@@ -37,8 +37,10 @@ from scipy.stats import binomtest
 
 sys.path.insert(0, str(Path(__file__).parent))
 
-from gap_benchmark.hide import LAWS, MECHANISMS
-from gap_benchmark.trials import SUITES, Row, attempt, engine, trials
+from gap_benchmark.attainable import attainable
+from gap_benchmark.hide import INSIDE, LAWS, MECHANISMS
+from gap_benchmark.state import Stage
+from gap_benchmark.trials import SUITES, THERMAL, Row, attempt, engine, trials
 
 app = typer.Typer(add_completion=False, help=__doc__)
 
@@ -225,6 +227,33 @@ def _in_order(value: str) -> tuple[int, float, str]:
         return 0, float(value), ""
     except ValueError:
         return 1, 0.0, value
+
+
+@app.command("attainable")
+def print_attainable(
+    sigma: Annotated[float, typer.Option(help="Size of what is hidden.")] = 5.0,
+    law: Annotated[str, typer.Option(help="Of: first, second, simcoon.")] = "first",
+    seed: Annotated[int, typer.Option(help="Of the spring and of the noise.")] = 0,
+    effects: Annotated[str, typer.Option(help="Separated by commas; all of the response if not given.")] = "",
+) -> None:
+    """Print in which share of draws of white noise an effect can be named, as Markdown."""
+    asked = effects.split(",") if effects else [
+        e for e in INSIDE
+        if e in LAWS[law] and e not in THERMAL and MECHANISMS[e].stage is not Stage.DIGITISER
+    ]  # fmt: skip
+    found = []
+    for e in asked:
+        try:
+            found.append(attainable(e, sigma, law, seed))
+        except ValueError as refused:
+            typer.echo(str(refused), err=True)
+    numbers = np.array([(a.seen, a.supported, a.named, a.ln_bayes_factor) for a in found])
+    names = [*(a.effect for a in found), "mean"]
+    lines = [
+        [name, *(f"{share:.0%}" for share in shares), f"{value:.1f}"]
+        for name, (*shares, value) in zip(names, [*numbers, numbers.mean(axis=0)], strict=True)
+    ]
+    typer.echo(as_markdown(["effect", "seen", "worth 3 nats, too", "named", "ln Bayes factor, mean"], lines))
 
 
 @app.command()

@@ -302,6 +302,11 @@ def plant(
     return _case(bench, [_hidden(e, size, seed) for e, size in sizes.items()], noise_factor)
 
 
+def noiseless(case: Case) -> Campaign:
+    """The campaign of a case as it would be without noise and digitisers."""
+    return _campaign(case.clean, DESIGNS[case.design], case.noise_factor)
+
+
 # --- sizes --------------------------------------------------------------------------------------------
 
 
