@@ -111,7 +111,10 @@ def of_all_sweeps(
         for part in (slice(i, i + _DRAWS_AT_ONCE) for i in range(0, len(out), _DRAWS_AT_ONCE)):
             curve = _Curve(sampled, channel, temperature, out[part], moving)
             here = np.zeros((len(out[part]), moving.size))
-            out[part, :count] += _nearest(curve, curve.at(here) - mean[part] @ own.at(temperature).T)
+            with np.errstate(
+                over="ignore", invalid="ignore"
+            ):  # draws whose curve is not finite stay as they are
+                out[part, :count] += _nearest(curve, curve.at(here) - mean[part] @ own.at(temperature).T)
     return out.reshape(z.shape)
 
 
@@ -139,15 +142,13 @@ class _Curve:
     def at(self, change: Floats) -> Floats:
         """Curves (N, g) after changes (N, p)."""
         theta, inputs = self._theta(change), {"temperature": self.temperature}
-        with np.errstate(over="ignore", invalid="ignore"):
-            return np.asarray(self.posterior.model.predict(theta, inputs)[self.channel])
+        return np.asarray(self.posterior.model.predict(theta, inputs)[self.channel])
 
     def derivative(self, change: Floats) -> Floats:
         """Of the curves with respect to the parameters that may change, shape (N, g, number of them)."""
         theta, inputs, free = self._theta(change), {"temperature": self.temperature}, self._free
-        with np.errstate(over="ignore", invalid="ignore"):
-            slopes = self.posterior.model.jacobian(theta, inputs)[self.channel][..., free]
-            slopes = slopes * self.posterior.space.derivative(self._moved(change))[:, None, : free.size]
+        slopes = self.posterior.model.jacobian(theta, inputs)[self.channel][..., free]
+        slopes = slopes * self.posterior.space.derivative(self._moved(change))[:, None, : free.size]
         return np.asarray(slopes[..., self.moving])
 
     @property
@@ -174,8 +175,8 @@ def _nearest(curve: _Curve, wanted: Floats) -> Floats:
     change, eye = np.zeros((len(wanted), curve.moving.size)), np.eye(scale.size)
     to_go = wanted - curve.at(change)
     distance = _mean_square(to_go)
-    ridge = _RIDGE * distance
     damping, going = np.full(len(wanted), _FIRST_DAMPING), np.isfinite(distance) & (distance > 0.0)
+    ridge = _RIDGE * np.where(going, distance, 1.0)
     for _ in range(_ITERATIONS):
         if not going.any():
             break
@@ -184,7 +185,7 @@ def _nearest(curve: _Curve, wanted: Floats) -> Floats:
         square = np.swapaxes(slopes, 1, 2) @ slopes / wanted.shape[1]
         downhill = np.einsum("ngp,ng->np", slopes, to_go) / wanted.shape[1] - ridge[:, None] * away
         size = np.trace(square, axis1=1, axis2=2) / scale.size
-        going &= np.isfinite(size)
+        going &= np.isfinite(size) & np.isfinite(downhill).all(axis=1)
         square[~going], downhill[~going] = 0.0, 0.0
         square += np.where(going, damping * size + ridge, 1.0)[:, None, None] * eye
         trial = change.copy()
@@ -200,8 +201,7 @@ def _nearest(curve: _Curve, wanted: Floats) -> Floats:
 
 def _mean_square(curve: Floats) -> Floats:
     """Of N curves; infinite where one is not finite."""
-    with np.errstate(over="ignore", invalid="ignore"):
-        square = np.mean(curve**2, axis=1)
+    square = np.mean(curve**2, axis=1)
     return np.where(np.isnan(square), np.inf, square)
 
 

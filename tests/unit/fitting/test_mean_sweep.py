@@ -189,3 +189,16 @@ def test_the_mean_of_all_sweeps_has_the_nearest_curve_of_the_model(share: float)
         farther += int(np.sum(missed > 0.01 * distance(change) + 1.03 * best))
     assert farther <= 0.1 * len(place.between) * count
     assert np.abs(found - z).max() < 400.0
+
+
+def test_a_draw_without_a_finite_curve_stays_where_it_is() -> None:
+    """Warnings are errors here."""
+    posterior, start, _ = described([measured(3.0)])
+    z = np.tile(start, (6, 1))
+    span, midpoint = (posterior.names.index(name) for name in ("B1", "B3"))
+    z[2, span] = 1e4
+    z[4, midpoint] = np.nan
+    found = of_all_sweeps(z, of_measured_sweeps(posterior), np.random.default_rng(7), one_size=True)
+    force = [posterior.names.index(name) for name in ("B1", "B2", "B3", "B4")]
+    np.testing.assert_array_equal(found[[2, 4]][:, force], z[[2, 4]][:, force])
+    assert np.all(np.any(found[[0, 1, 3, 5]] != z[[0, 1, 3, 5]], axis=1))
