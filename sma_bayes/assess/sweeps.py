@@ -8,9 +8,11 @@ covariance ``1 + C``, the noise and what the others leave open of the curve, wha
 
     d' (1 + C)^-1 d / r
 
-has an F distribution with ``r``, the number of tangents, and as many degrees of freedom as tell the noise. The place in
-it, the probability integral transform, is uniform where all sweeps have the same curve and noise, as far as the
-posterior is normal along the tangents.
+has an F distribution with ``r``, the number of tangents, and as many degrees of freedom as tell the noise. The noise is
+that of the median draw, since the distribution says how well it is known: draws of the noise would count that in ``C``
+once more, and a memory, which a sweep tells little of, made distances a fifth too small. The place in the distribution,
+the probability integral transform, is uniform where all sweeps have the same curve and noise, as far as the posterior
+is normal along the tangents.
 
 References
 ----------
@@ -175,7 +177,7 @@ def left_out_sweeps(fit: Fit, record: int = 0) -> list[LeftOutSweep]:
     log_weight, k, again = weights_without(pointwise, sweeps, MAX_REFITS if len(fit.records) == 1 else 0)
     tangents = _tangents(fit, record)
     of_its_own = _of_its_own(fit, record)
-    innovations = _innovations(posterior, theta, weights, record)
+    innovations = _innovations(posterior, _of_median_noise(posterior, theta, record), weights, record)
     out = []
     for i, sweep in enumerate(sweeps):
         drawn: _Drawn | None = _Drawn(innovations, theta, log_weight[:, i])
@@ -235,6 +237,14 @@ def _of_the_density(fit: Fit) -> tuple[Floats, Weights]:
     z = of_all_sweeps(kept(fit.draws), sampled, rng, one_size=True)
     theta = space.constrain(z).reshape(-1, fit.theta.shape[-1])
     return theta, fit.posterior.draw_discrepancy(rng, theta)
+
+
+def _of_median_noise(posterior: Posterior, theta: Floats, record: int) -> Floats:
+    """Draws of all parameters (S, P) with the noise of each channel as it is at the median."""
+    out = theta.copy()
+    for at in posterior.layout[record].noise.values():
+        out[:, at] = np.median(theta[:, at], axis=0)
+    return out
 
 
 def _innovations(posterior: Posterior, theta: Floats, weights: Weights, record: int) -> dict[str, Floats]:
@@ -313,4 +323,5 @@ def _without(fit: Fit, sweep: Ints) -> _Drawn | None:
     rest, draws = found
     theta = rest.space.constrain(draws.z)
     weights = missed_by(rest, theta, missed_seed)
-    return _Drawn(_innovations(evaluated_on(rest, record), theta, weights, 0), theta, draws.log_weight)
+    of_noise = _of_median_noise(rest, theta, 0)
+    return _Drawn(_innovations(evaluated_on(rest, record), of_noise, weights, 0), theta, draws.log_weight)
