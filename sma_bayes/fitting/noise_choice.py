@@ -130,15 +130,16 @@ def choose_noise(
     `MEMORY_LN_EVIDENCE_LOSS`. Discrepancies are taken where the evidence of all channels together is greater with them
     (by `LEAST_LN_EVIDENCE_GAIN` beside a memory, which a smooth misfit resembles): force and displacement are of one
     specimen, and where the curve fails in one of them the other, in more noise, is no better known. Before another
-    series a discrepancy counts as a memory does. Where heavy tails and a discrepancy are taken, the choice is made once
-    more without heavy tails: under them what a smooth function does not resolve passes for outliers, and the curve for
-    better known than it is. Where records have several sweeps all of this is done once more with what each sweep has of
-    its own beside the discrepancy, which is taken where it gains `LEAST_LN_EVIDENCE_GAIN`. Heavy tails, growth and an
-    error of the thermometer take no part in that, on neither side. Under heavy tails the readings of a sweep that
-    differs pass for outliers, or those of the others do, and each way is a mode that Laplace's method does not see
-    beyond. The others follow the common curve, would tell where it lies by how the noise of sweeps changes that lie
-    elsewhere, and sweeps that are shifted scatter most where the curve is steep, which is what an error of the
-    thermometer does to readings.
+    series a discrepancy counts as a memory does. Heavy tails are not taken beside a discrepancy: under them what a
+    smooth function does not resolve passes for outliers, and the curve for better known than it is. So they are looked
+    at without one, and taken where that describes the residuals better than normal noise with or without a discrepancy,
+    unless a discrepancy beside them would gain more still. Where records have several sweeps all of this is done once
+    more with what each sweep has of its own beside the discrepancy, which is taken where it gains
+    `LEAST_LN_EVIDENCE_GAIN`. Heavy tails, growth and an error of the thermometer take no part in that, on neither side.
+    Under heavy tails the readings of a sweep that differs pass for outliers, or those of the others do, and each way is
+    a mode that Laplace's method does not see beyond. The others follow the common curve, would tell where it lies by
+    how the noise of sweeps changes that lie elsewhere, and sweeps that are shifted scatter most where the curve is
+    steep, which is what an error of the thermometer does to readings.
 
     Parameters
     ----------
@@ -154,35 +155,41 @@ def choose_noise(
         Whether what sweeps have of their own is considered.
     """
     residuals = _Residuals(posterior, start, priors, discrepancy)
-    choice, supported = _chosen(residuals, noise)
-    if sweeps and choice.name != ROUNDED and "+" not in (noise or ""):
+    if sweeps and "+" not in (noise or ""):
         apart = residuals.with_sweeps_apart()
-        if apart is not None:
-            other, of_other = _chosen(apart, noise)
+        normal, supported = _best(residuals, noise, tails=False)
+        if apart is not None and normal.name != ROUNDED:
+            other, of_other = _best(apart, noise, tails=False)
             if _sweeps_apart(other.bases) and of_other > supported + LEAST_LN_EVIDENCE_GAIN:
                 return other
-    return choice
+    return _chosen(residuals, noise)
 
 
-def _chosen(residuals: _Residuals, noise: str | None) -> tuple[NoiseChoice, float]:
-    """What describes residuals best, of one noise model or all, no heavy tails beside a discrepancy unless asked for.
-
-    Returns
-    -------
-    NoiseChoice
-    supported : float
-        See `_best`.
-    """
-    choice, supported = _best(residuals, noise)
-    model = NOISE_MODELS[choice.name]
-    if noise is not None or model.is_gaussian or choice.name == ROUNDED or not any(choice.bases):
-        return choice, supported
-    normal, supported = _best(residuals, None, tails=False)
+def _chosen(residuals: _Residuals, noise: str | None) -> NoiseChoice:
+    """What describes residuals best, of one noise model or all; see `choose_noise`."""
+    normal, _ = _best(residuals, noise, tails=False)
+    if noise is not None or normal.name == ROUNDED or not residuals.signs_of_simplest.tails:
+        return normal
+    alone = residuals.without_discrepancy()
+    tailed, _ = _best(alone, None, tails=True)
+    model = NOISE_MODELS[tailed.name]
+    if model.is_gaussian or _worth(alone, tailed.name) <= _worth(residuals, normal.name):
+        return normal
+    if not any(residuals.described(model).bases):
+        choice, _ = _best(residuals, None, tails=True)
+        if not any(choice.bases):
+            return choice
     why = f"{model.title} is not taken, since what a discrepancy does not resolve passes for outliers beside one"
-    return replace(normal, reason=f"{normal.reason}; {why}"), supported
+    return replace(normal, reason=f"{normal.reason}; {why}")
 
 
-def _best(residuals: _Residuals, noise: str | None, *, tails: bool = True) -> tuple[NoiseChoice, float]:
+def _worth(residuals: _Residuals, name: str) -> float:
+    """How well a noise model describes residuals, less what memory and heavy tails must each gain."""
+    model = NOISE_MODELS[name]
+    return residuals.described(model).supported - LEAST_LN_EVIDENCE_GAIN * _features(model)
+
+
+def _best(residuals: _Residuals, noise: str | None, *, tails: bool) -> tuple[NoiseChoice, float]:
     """What describes residuals best, of one noise model or all, those with heavy `tails` or not; see `choose_noise`.
 
     Returns
@@ -211,21 +218,12 @@ def _best(residuals: _Residuals, noise: str | None, *, tails: bool = True) -> tu
         look(best)
         found = {best: found[best]}  # a density that need not be finite where readings repeat is no rival
     elif noise is None:
-        signs, apart = residuals.signs(look(SIMPLEST)), _sweeps_apart(residuals.bases)
-        names = [
-            name
-            for name, model in NOISE_MODELS.items()
-            if model.is_density
-            and not model.stands_alone
-            and (not model.needs_time or all(_uneven(s) for s in posterior.steps))
-            and (signs.memory or not model.autocorrelated)
-            and (model.is_gaussian or (tails and signs.tails and not apart))
-        ]
-        best = max(
-            names, key=lambda n: look(n).supported - LEAST_LN_EVIDENCE_GAIN * _features(NOISE_MODELS[n])
-        )
+        names = [n for n in _series(residuals) if tails or NOISE_MODELS[n].is_gaussian]
+        for name in names:
+            look(name)
+        best = max(names, key=lambda n: _worth(residuals, n))
         series_alone = max(look(n).supported for n in names if NOISE_MODELS[n].is_gaussian)
-        signs = signs.joined(residuals.signs(look(best)))
+        signs = residuals.signs_of_simplest.joined(residuals.signs(look(best)))
         for suffix, sign in (("growing", signs.growth), ("temperature_error", signs.slope)):
             if not sign or _sweeps_apart(residuals.bases):
                 continue
@@ -261,6 +259,18 @@ def _best(residuals: _Residuals, noise: str | None, *, tails: bool = True) -> tu
         chosen.longest_memory,
     )
     return choice, chosen.supported if series_alone is None else series_alone
+
+
+def _series(residuals: _Residuals) -> list[str]:
+    """Names of the noise models to begin with: all that go with what is known of the time, and with signs of memory."""
+    return [
+        name
+        for name, model in NOISE_MODELS.items()
+        if model.is_density
+        and not model.stands_alone
+        and (not model.needs_time or all(_uneven(s) for s in residuals.posterior.steps))
+        and (residuals.signs_of_simplest.memory or not model.autocorrelated)
+    ]
 
 
 def _features(noise: NoiseModel) -> int:
@@ -432,6 +442,8 @@ class _Residuals:
         self.start = start
         self.priors = priors
         self.descriptions: dict[str, _Description] = {}
+        self.curves_alone = False
+        self.alone: dict[tuple[str, int, str, float | None], _FittedNoise] = {}
         theta = start.theta
         with np.errstate(all="ignore"):
             self.slope = [posterior.model.slope(theta, r.inputs) for r in posterior.records]
@@ -467,6 +479,11 @@ class _Residuals:
         other = copy(self)
         other.bases, other.descriptions = tuple(bases), {}
         return other
+
+    @property
+    def signs_of_simplest(self) -> _Signs:
+        """What independent normal noise leaves."""
+        return self.signs(self.described(NOISE_MODELS[SIMPLEST]))
 
     def signs(self, description: _Description) -> _Signs:
         """What the innovations of a description, and the plain residuals, show."""
@@ -529,6 +546,12 @@ class _Residuals:
             found.append(curves)
         return tuple(found)
 
+    def without_discrepancy(self) -> _Residuals:
+        """The same where no discrepancy stands beside the curves; a memory is no longer than where one may."""
+        other = copy(self)
+        other.curves_alone, other.descriptions = True, {}
+        return other
+
     def described(self, noise: NoiseModel) -> _Description:
         """What a noise model makes of the residuals; looked at once."""
         if noise.name not in self.descriptions:
@@ -540,13 +563,15 @@ class _Residuals:
         found: dict[tuple[int, str], tuple[_FittedNoise, _FittedNoise | None]] = {}
         for i, record in enumerate(self.posterior.records):
             for channel in record.channels:
-                alone = self._look(noise, i, channel, None)
+                alone = self._look_alone(noise, i, channel)
                 usable = noise.is_density and not (noise.stands_alone and self.bent)
                 basis = self.bases[i].get(channel) if usable else None
                 bound = self._longest_beside(noise, i, basis)
-                beside = None if basis is None else self._look(noise, i, channel, basis, bound)
+                beside = None
+                if basis is not None and not self.curves_alone:
+                    beside = self._look(noise, i, channel, basis, bound)
                 if bound is not None and not self._is_noise(noise, i, alone):
-                    alone = self._look(noise, i, channel, None, bound)
+                    alone = self._look_alone(noise, i, channel, bound)
                 found[i, channel] = (alone, beside)
                 gain[channel] += -np.inf if beside is None else beside.ln_evidence - alone.ln_evidence
         # beside a memory, which a smooth misfit resembles, it has to earn its place as the memory has
@@ -591,6 +616,15 @@ class _Residuals:
             return True
         steps = self.posterior.steps[i]
         return noise.memory(noise.shape_of(found.theta), steps) < MAX_MEMORY_SWEEPS * steps.longest
+
+    def _look_alone(
+        self, noise: NoiseModel, i: int, channel: str, longest_memory: float | None = None
+    ) -> _FittedNoise:
+        """Without a discrepancy; looked at once, whatever else may stand beside the curves."""
+        key = (noise.name, i, channel, longest_memory)
+        if key not in self.alone:
+            self.alone[key] = self._look(noise, i, channel, None, longest_memory)
+        return self.alone[key]
 
     def _look(
         self,
