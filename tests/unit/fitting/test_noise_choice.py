@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -20,7 +21,7 @@ from sma_bayes.fitting.noise_choice import (
 )
 from sma_bayes.fitting.posterior import build_posterior
 from sma_bayes.fitting.warm_start import warm_start
-from sma_bayes.noise import NOISE_MODELS
+from sma_bayes.noise import NOISE_MODELS, NoiseModel
 from sma_bayes.parameters.priors_file import parse_priors, read_priors
 from sma_bayes.records.types import Record
 
@@ -410,3 +411,26 @@ def test_no_heavy_tails_beside_a_discrepancy_unless_asked_for(make_record: Calla
     asked = choice_for(record, noise="student_t")
     assert asked.name == "student_t"
     assert asked.bases[0]
+
+
+@pytest.mark.parametrize("step", [True, False])
+def test_a_discrepancy_is_fitted_under_heavy_tails_only_where_it_decides(
+    make_record: Callable[..., Record], monkeypatch: pytest.MonkeyPatch, step: bool
+) -> None:
+    """Most of the time of a choice went there. Where the curve fails tails alone don't do, and that is all."""
+    record = make_record(("force",), n=200, noise=0.0, seed=5)
+    record = with_a_second_step(record) if step else record
+    noise = 0.001 * np.ptp(record.observed["force"]) * np.random.default_rng(1).standard_t(3.0, record.n)
+    seen = []
+    look = noise_choice._Residuals._look
+
+    def counted(self: Any, model: NoiseModel, i: int, channel: str, basis: Any, *bound: Any) -> Any:
+        if not model.is_gaussian:
+            seen.append((model.name, basis is not None))
+        return look(self, model, i, channel, basis, *bound)
+
+    monkeypatch.setattr(noise_choice._Residuals, "_look", counted)
+    choice = choice_for(replace(record, observed={"force": record.observed["force"] + noise}))
+    assert seen
+    assert NOISE_MODELS[choice.name].is_gaussian == step
+    assert any(beside for _, beside in seen) != step
