@@ -20,7 +20,7 @@ from scipy.optimize import least_squares
 from scipy.special import expit
 
 from sma_bayes.arrays import Floats
-from sma_bayes.fitting.curves import INTERVAL, CurveDraws, interval_where_defined
+from sma_bayes.fitting.curves import INTERVAL, CurveDraws, evenly_chosen, interval_where_defined
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.parameters.roles import Role
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
@@ -87,10 +87,7 @@ def nearest_of(curves: CurveDraws) -> tuple[NearestPublished, ...]:
         if channel not in record.channels:
             continue
         published = ModifiedSigmoid((channel,))
-        t = np.sort(record.temperature)
-        t = t[
-            np.unique(np.linspace(0, t.size - 1, min(MAX_COMPARED_TEMPERATURES, t.size)).round().astype(int))
-        ]
+        t = evenly_chosen(record.temperature, MAX_COMPARED_TEMPERATURES)
         y = curves.curve(channel, t)
         own = _own(curves, channel)
         theta = (

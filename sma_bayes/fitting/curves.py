@@ -127,6 +127,18 @@ class CurveDraws:
         return np.asarray(gain[:, None] * value + shift[:, None])
 
 
+def evenly_chosen(temperature: Floats, most: int) -> Floats:
+    """At most so many of some temperatures, ascending, from the lowest to the highest.
+
+    Examples
+    --------
+    >>> evenly_chosen(np.array([4.0, 1.0, 2.0, 5.0, 3.0]), 3)
+    array([1., 3., 5.])
+    """
+    t = np.sort(temperature)
+    return np.asarray(t[np.linspace(0, t.size - 1, min(most, t.size)).round().astype(int)])
+
+
 def calibrated_parameters(
     posterior: Posterior, theta: Floats, calibration: Errors, record: int = 0
 ) -> Floats:

@@ -25,14 +25,17 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from sma_bayes.arrays import Bools, Floats, Ints
+from sma_bayes.arrays import Bools, Floats
+from sma_bayes.fitting.curves import evenly_chosen
 from sma_bayes.fitting.posterior import Posterior
 from sma_bayes.fitting.sweep_functions import SweepFunctions, degrees_of_freedom, sums_of_squares
 
-_TEMPERATURES = 48
-"""Readings of a record, spread evenly over all, at which a changed curve and that of the model are compared."""
+_MAX_TEMPERATURES = 48
+"""Temperatures of readings, at most, at which a changed curve and that of the model are compared."""
 _DRAWS_AT_ONCE = 1000
+"""Whose curves are in memory together."""
 _ITERATIONS = 30
+"""Steps towards the nearest curve, at most."""
 _FIRST_DAMPING, _LESS, _MORE = 1e-4, 0.2, 4.0
 """Damping of the first step [mean squared change of the curve by a standard deviation of the prior], and what becomes
 of it where a step brings the curves nearer to each other or does not."""
@@ -97,8 +100,7 @@ def of_all_sweeps(
     space, count = sampled.space, sampled.sampled_model.size
     out = z.reshape(-1, space.dimension).copy()
     theta = space.constrain(out)
-    temperature = np.sort(sampled.records[0].temperature)
-    temperature = temperature[np.linspace(0, temperature.size - 1, _TEMPERATURES).round().astype(int)]
+    temperature = evenly_chosen(sampled.records[0].temperature, _MAX_TEMPERATURES)
     for channel, own in found:
         assert own.change is not None  # `of_measured_sweeps` has looked at it
         size = theta[:, sampled.layout[0].between[channel]]
@@ -110,11 +112,9 @@ def of_all_sweeps(
         moving = np.any(own.change != 0.0, axis=1)
         for part in (slice(i, i + _DRAWS_AT_ONCE) for i in range(0, len(out), _DRAWS_AT_ONCE)):
             curve = _Curve(sampled, channel, temperature, out[part], moving)
-            here = np.zeros((len(out[part]), moving.size))
-            with np.errstate(
-                over="ignore", invalid="ignore"
-            ):  # draws whose curve is not finite stay as they are
-                out[part, :count] += _nearest(curve, curve.at(here) - mean[part] @ own.at(temperature).T)
+            # draws whose curve is not finite stay as they are
+            with np.errstate(over="ignore", invalid="ignore"):
+                out[part, :count] += _nearest(curve, -mean[part] @ own.at(temperature).T)
     return out.reshape(z.shape)
 
 
@@ -146,14 +146,11 @@ class _Curve:
 
     def derivative(self, change: Floats) -> Floats:
         """Of the curves with respect to the parameters that may change, shape (N, g, number of them)."""
-        theta, inputs, free = self._theta(change), {"temperature": self.temperature}, self._free
+        theta, inputs = self._theta(change), {"temperature": self.temperature}
+        free = self.posterior.sampled_model
         slopes = self.posterior.model.jacobian(theta, inputs)[self.channel][..., free]
         slopes = slopes * self.posterior.space.derivative(self._moved(change))[:, None, : free.size]
         return np.asarray(slopes[..., self.moving])
-
-    @property
-    def _free(self) -> Ints:
-        return np.asarray(self.posterior.sampled_model)
 
     def _moved(self, change: Floats) -> Floats:
         z = self.z.copy()
@@ -165,15 +162,17 @@ class _Curve:
         return np.asarray(theta[:, self.posterior.layout[0].model])
 
 
-def _nearest(curve: _Curve, wanted: Floats) -> Floats:
-    """Changes (N, p) that bring curves nearest to those that are wanted (N, g).
+def _nearest(curve: _Curve, by: Floats) -> Floats:
+    """Changes (N, p) of parameters that bring curves nearest to what they are with something (N, g) added to them.
 
     Levenberg's method, all draws at once. Changes are counted in standard deviations of the prior: what curves hardly
     see stays where it is (`_RIDGE`).
     """
     scale = curve.posterior.space.prior_sd()[: curve.moving.size][curve.moving]
-    change, eye = np.zeros((len(wanted), curve.moving.size)), np.eye(scale.size)
-    to_go = wanted - curve.at(change)
+    change, eye = np.zeros((len(by), curve.moving.size)), np.eye(scale.size)
+    start = curve.at(change)
+    wanted = start + by
+    to_go = wanted - start
     distance = _mean_square(to_go)
     damping, going = np.full(len(wanted), _FIRST_DAMPING), np.isfinite(distance) & (distance > 0.0)
     ridge = _RIDGE * np.where(going, distance, 1.0)

@@ -155,20 +155,21 @@ def choose_noise(
         Whether what sweeps have of their own is considered.
     """
     residuals = _Residuals(posterior, start, priors, discrepancy)
+    choice, supported = _best(residuals, noise, tails=False)
+    if choice.name == ROUNDED:
+        return choice
     if sweeps and "+" not in (noise or ""):
         apart = residuals.with_sweeps_apart()
-        normal, supported = _best(residuals, noise, tails=False)
-        if apart is not None and normal.name != ROUNDED:
+        if apart is not None:
             other, of_other = _best(apart, noise, tails=False)
             if _sweeps_apart(other.bases) and of_other > supported + LEAST_LN_EVIDENCE_GAIN:
                 return other
-    return _chosen(residuals, noise)
+    return choice if noise is not None else _or_with_tails(residuals, choice)
 
 
-def _chosen(residuals: _Residuals, noise: str | None) -> NoiseChoice:
-    """What describes residuals best, of one noise model or all; see `choose_noise`."""
-    normal, _ = _best(residuals, noise, tails=False)
-    if noise is not None or normal.name == ROUNDED or not residuals.signs_of_simplest.tails:
+def _or_with_tails(residuals: _Residuals, normal: NoiseChoice) -> NoiseChoice:
+    """The choice of normal noise, or one with heavy tails where that is better; see `choose_noise`."""
+    if not residuals.signs_of_simplest.tails:
         return normal
     alone = residuals.without_discrepancy()
     tailed, _ = _best(alone, None, tails=True)
@@ -186,7 +187,8 @@ def _chosen(residuals: _Residuals, noise: str | None) -> NoiseChoice:
 def _worth(residuals: _Residuals, name: str) -> float:
     """How well a noise model describes residuals, less what memory and heavy tails must each gain."""
     model = NOISE_MODELS[name]
-    return residuals.described(model).supported - LEAST_LN_EVIDENCE_GAIN * _features(model)
+    features = int(model.autocorrelated) + int(not model.is_gaussian)
+    return residuals.described(model).supported - LEAST_LN_EVIDENCE_GAIN * features
 
 
 def _best(residuals: _Residuals, noise: str | None, *, tails: bool) -> tuple[NoiseChoice, float]:
@@ -263,19 +265,15 @@ def _best(residuals: _Residuals, noise: str | None, *, tails: bool) -> tuple[Noi
 
 def _series(residuals: _Residuals) -> list[str]:
     """Names of the noise models to begin with: all that go with what is known of the time, and with signs of memory."""
+    remembers, uneven = residuals.signs_of_simplest.memory, all(map(_uneven, residuals.posterior.steps))
     return [
         name
         for name, model in NOISE_MODELS.items()
         if model.is_density
         and not model.stands_alone
-        and (not model.needs_time or all(_uneven(s) for s in residuals.posterior.steps))
-        and (residuals.signs_of_simplest.memory or not model.autocorrelated)
+        and (uneven or not model.needs_time)
+        and (remembers or not model.autocorrelated)
     ]
-
-
-def _features(noise: NoiseModel) -> int:
-    """How many of memory and heavy tails a noise model has."""
-    return int(noise.autocorrelated) + int(not noise.is_gaussian)
 
 
 def _without_tails(name: str, series: Sequence[str]) -> list[str]:
