@@ -19,19 +19,23 @@ import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import expit
 
-from sma_bayes.arrays import Floats
-from sma_bayes.fitting.curves import INTERVAL, CurveDraws, evenly_chosen, interval_where_defined
+from sma_bayes.arrays import Bools, Floats
+from sma_bayes.fitting.curves import INTERVAL, CurveDraws, interval_where_defined
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.parameters.roles import Role
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
 
-MAX_COMPARED_TEMPERATURES = 150
-"""Temperatures, at most, at which curves are compared: evenly chosen from the samples."""
-STEPS, CLOSE = 25, 1e-7
-"""Steps of Gauss and Newton at most, and the relative step that ends them."""
+MAX_COMPARED_TEMPERATURES = 400
+"""Temperatures, at most, at which curves are compared, each for the samples that are closest to it. Every sample
+counts: in a transformation that few of them see each changes the nearest curve by more than it is uncertain by."""
+STEPS, CLOSE = 150, 1e-6
+"""Steps of Gauss and Newton at most, and the relative step that ends them. Where much is missed each brings the
+parameters closer by a constant factor only."""
 LEAST_DAMPING = 1e-12
 """Share of the diagonal that stays added to it: of a curve that is all but straight, or has its step at an end, two
 columns are one, and what is solved would be singular to the last bit."""
+TINY = 1e-16
+"""Added to the diagonal of mean squares, where a column is nothing."""
 LEAST_SHARE_OF_DRAWS = 0.95
 """Share of the draws that must have a nearest curve for intervals to be given."""
 
@@ -87,13 +91,13 @@ def nearest_of(curves: CurveDraws) -> tuple[NearestPublished, ...]:
         if channel not in record.channels:
             continue
         published = ModifiedSigmoid((channel,))
-        t = evenly_chosen(record.temperature, MAX_COMPARED_TEMPERATURES)
+        t, count = compared_temperatures(record.temperature)
         y = curves.curve(channel, t)
         own = _own(curves, channel)
         theta = (
             own
             if own is not None and not curves.weights.get(channel, np.zeros(0)).size
-            else nearest_sigmoids(t, y)
+            else nearest_sigmoids(t, y, count)
         )
         facts = published.parameters(record.units)
         order = [Role.SPAN, Role.RATE, Role.MIDPOINT, Role.OFFSET]
@@ -112,7 +116,25 @@ def _own(curves: CurveDraws, channel: str) -> Floats | None:
     return None if None in at else np.asarray(curves.model_theta[:, [i for i in at if i is not None]])
 
 
-def nearest_sigmoids(temperature: Floats, curve: Floats) -> Floats:
+def compared_temperatures(temperature: Floats) -> tuple[Floats, Floats]:
+    """Temperatures (m,) that stand for those of samples (n,), ascending, and how many samples each stands for.
+
+    Where there are more than `MAX_COMPARED_TEMPERATURES` distinct ones, neighbours are taken together: as many samples
+    in each group, their mean for all of them.
+
+    Examples
+    --------
+    >>> compared_temperatures(np.array([40.0, 30.0, 40.0]))
+    (array([30., 40.]), array([1., 2.]))
+    """
+    distinct, count = np.unique(temperature, return_counts=True)
+    if distinct.size <= MAX_COMPARED_TEMPERATURES:
+        return distinct, count.astype(float)
+    groups = np.array_split(np.sort(temperature), MAX_COMPARED_TEMPERATURES)
+    return np.array([g.mean() for g in groups]), np.array([float(g.size) for g in groups])
+
+
+def nearest_sigmoids(temperature: Floats, curve: Floats, count: Floats | None = None) -> Floats:
     """Published sigmoids nearest to curves in the mean square.
 
     Parameters
@@ -120,6 +142,8 @@ def nearest_sigmoids(temperature: Floats, curve: Floats) -> Floats:
     temperature : ndarray, shape (n,)
         Ascending.
     curve : ndarray, shape (N, n)
+    count : ndarray, shape (n,), optional
+        Samples that each temperature stands for; one by default.
 
     Returns
     -------
@@ -134,7 +158,8 @@ def nearest_sigmoids(temperature: Floats, curve: Floats) -> Floats:
     """
     low, width = float(temperature[0]), float(np.ptp(temperature))
     x = (temperature - low) / width
-    level = curve.mean(axis=1, keepdims=True)
+    share = np.full(x.size, 1.0 / x.size) if count is None else count / count.sum()
+    level = (curve @ share)[:, None]
     scale = np.maximum(np.ptp(curve, axis=1, keepdims=True), 1e-300)
     with np.errstate(invalid="ignore", over="ignore"):
         y = (curve - level) / scale
@@ -142,8 +167,8 @@ def nearest_sigmoids(temperature: Floats, curve: Floats) -> Floats:
     out = np.full((len(curve), 4), np.nan)
     if not usable.any():
         return out
-    p = np.tile(_start(x, np.median(y[usable], axis=0)), (int(usable.sum()), 1))
-    found, settled = _descended(x, y[usable], p)
+    p = np.tile(_start(x, np.median(y[usable], axis=0), share), (int(usable.sum()), 1))
+    found, settled = _descended(x, y[usable], share, p)
     # rate is known by its logarithm; the sign of a falling curve is in the span
     inside = (
         settled
@@ -164,13 +189,13 @@ def nearest_sigmoids(temperature: Floats, curve: Floats) -> Floats:
     return out
 
 
-def _start(x: Floats, y: Floats) -> Floats:
+def _start(x: Floats, y: Floats, share: Floats) -> Floats:
     """Nearest sigmoid of one curve on [0, 1]: span, ln rate, midpoint, offset; from several rates, the best."""
     sign = 1.0 if y[-1] >= y[0] else -1.0
     middle = float(np.clip(x[np.argmin(np.abs(y - 0.5 * (y[0] + y[-1])))], 0.1, 0.9))
 
     def missed(p: Floats) -> Floats:
-        return np.asarray(_sigmoid(x, p[None])[0] - y)
+        return np.asarray(np.sqrt(share) * (_sigmoid(x, p[None])[0] - y))
 
     best = None
     for rate in (5.0, 15.0, 50.0):
@@ -187,33 +212,44 @@ def _sigmoid(x: Floats, p: Floats) -> Floats:
         return np.asarray(p[:, 3:4] + p[:, 0:1] * expit(np.exp(p[:, 1:2]) * (x - p[:, 2:3])))
 
 
-def _descended(x: Floats, y: Floats, p: Floats) -> tuple[Floats, np.ndarray[tuple[int], np.dtype[np.bool_]]]:
-    """Least-squares sigmoids (N, 4) by damped Gauss-Newton steps, all at once, and which have settled."""
-    damping = np.full(len(p), 1e-6)
-    cost = np.einsum("wn,wn->w", y - _sigmoid(x, p), y - _sigmoid(x, p))
+def _descended(x: Floats, y: Floats, share: Floats, p: Floats) -> tuple[Floats, Bools]:
+    """Least-squares sigmoids (N, 4) by damped Gauss-Newton steps, all at once, and which have settled (N,)."""
+    p, damping = p.copy(), np.full(len(p), 1e-6)
+    cost = _missed(x, y, share, p)
     settled = np.zeros(len(p), dtype=bool)
     for _ in range(STEPS):
-        with np.errstate(over="ignore", invalid="ignore"):
-            rate = np.exp(p[:, 1:2])
-            away = x - p[:, 2:3]
-            s = expit(rate * away)
-            steep = p[:, 0:1] * s * (1.0 - s)
-            j = np.stack([s, steep * rate * away, -steep * rate, np.ones_like(s)], axis=-1)
-        r = y - _sigmoid(x, p)
-        gram = np.einsum("wni,wnj->wij", j, j)
-        pull = np.einsum("wni,wn->wi", j, r)
-        diagonal = np.einsum("wii->wi", gram)
-        held = gram + (damping[:, None] * diagonal + 1e-14)[:, :, None] * np.eye(4)
-        step = np.linalg.solve(np.nan_to_num(held) + 1e-14 * np.eye(4), np.nan_to_num(pull)[..., None])[
-            ..., 0
-        ]
-        trial = p + np.clip(step, -1.0, 1.0)
-        new = np.einsum("wn,wn->w", y - _sigmoid(x, trial), y - _sigmoid(x, trial))
-        better = new <= cost * (1.0 + 1e-12)
-        settled = settled | (better & (np.abs(step).max(axis=1) < CLOSE))
-        p = np.where(better[:, None], trial, p)
-        cost = np.where(better, new, cost)
-        damping = np.where(better, np.maximum(damping * 0.1, LEAST_DAMPING), damping * 10.0 + 1e-8)
-        if settled.all():
+        going = np.flatnonzero(~settled)
+        if not going.size:
             break
+        trial, step = _stepped(x, y[going], share, p[going], damping[going])
+        new = _missed(x, y[going], share, trial)
+        better = new <= cost[going] * (1.0 + 1e-12)
+        settled[going] = better & (np.abs(step).max(axis=1) < CLOSE)
+        p[going] = np.where(better[:, None], trial, p[going])
+        cost[going] = np.where(better, new, cost[going])
+        damping[going] = np.where(
+            better, np.maximum(damping[going] * 0.1, LEAST_DAMPING), damping[going] * 10.0 + 1e-8
+        )
     return p, settled
+
+
+def _missed(x: Floats, y: Floats, share: Floats, p: Floats) -> Floats:
+    """Mean squares (N,)."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        return np.asarray((y - _sigmoid(x, p)) ** 2 @ share)
+
+
+def _stepped(x: Floats, y: Floats, share: Floats, p: Floats, damping: Floats) -> tuple[Floats, Floats]:
+    """Parameters (N, 4) after a damped step, and the step before it is cut to one at most."""
+    with np.errstate(over="ignore", invalid="ignore"):
+        rate = np.exp(p[:, 1:2])
+        away = x - p[:, 2:3]
+        s = expit(rate * away)
+        steep = p[:, 0:1] * s * (1.0 - s)
+        j = np.stack([s, steep * rate * away, -steep * rate, np.ones_like(s)], axis=-1)
+    r = y - (p[:, 3:4] + p[:, 0:1] * s)
+    weighted = np.swapaxes(j * share[:, None], 1, 2)
+    gram, pull = weighted @ j, weighted @ r[..., None]
+    held = (damping[:, None] * np.einsum("wii->wi", gram) + TINY)[:, :, None] * np.eye(4)
+    step = np.linalg.solve(np.nan_to_num(gram + held), np.nan_to_num(pull))[..., 0]
+    return p + np.clip(step, -1.0, 1.0), step
