@@ -125,7 +125,11 @@ def prepare(
 
 
 def log_evidence(prepared: Prepared) -> float:
-    """Log evidence of a prepared model, by Laplace's method; minus infinity where there is none."""
+    """Log evidence of a prepared model, by Laplace's method; minus infinity where there is none.
+
+    A discrepancy that is taken although the evidence is a little against it does not count against the model: the
+    curve alone has that much more.
+    """
     choice = prepared.noise
     if choice is None:
         return -np.inf
@@ -133,7 +137,9 @@ def log_evidence(prepared: Prepared) -> float:
     mode = find_mode(posterior, noise_start(posterior, prepared.start, choice), posterior.space.prior_sd())
     if mode is None:
         return -np.inf
-    return mode.log_prob + 0.5 * float(np.linalg.slogdet(2.0 * np.pi * mode.covariance)[1])
+    volume = float(np.linalg.slogdet(2.0 * np.pi * mode.covariance)[1])
+    gained = sum(choice.discrepancy[c] for c in {c for bases in choice.bases for c in bases})
+    return mode.log_prob + 0.5 * volume - min(gained, 0.0)
 
 
 def support_of(prepared: Sequence[Prepared]) -> Support:

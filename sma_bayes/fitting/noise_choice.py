@@ -49,9 +49,10 @@ LEAST_LN_EVIDENCE_GAIN = 1.5
 """What a memory, heavy tails, and a discrepancy beside or instead of a memory must each gain in ln evidence."""
 LEAST_LN_EVIDENCE_GAIN_OF_VARIANCE = 2.0
 """What growth and an error of the thermometer must gain: they are looked at last, beside the best of the others."""
-MEMORY_LN_EVIDENCE_LOSS = 2.0
-"""ln evidence that a memory beside a discrepancy must lack to be dropped: one sweep hardly tells it from what the
-discrepancy does not resolve."""
+ALLOWED_LN_EVIDENCE_LOSS = 2.0
+"""ln evidence that the more careful reading must lack to be dropped: a discrepancy beside noise without a memory, since a
+misfit that a record hardly shows takes starts and finishes out of intervals that don't know of it; and a memory beside
+a discrepancy, since one sweep hardly tells it from what the discrepancy does not resolve."""
 CHANGE_SD_RANGES = 10.0
 """Standard deviation, in ranges of the channel, of what a change of the parameters may do to the curve."""
 BASIS_GRID_POINTS = 2001
@@ -118,6 +119,7 @@ def choose_noise(
     noise: str | None = None,
     discrepancy: bool = True,
     sweeps: bool = False,
+    allowed_loss: float = ALLOWED_LN_EVIDENCE_LOSS,
 ) -> NoiseChoice:
     """Choose a noise model, and whether discrepancies stand beside the curves.
 
@@ -127,8 +129,9 @@ def choose_noise(
     thing (`LEAST_STANDARD_ERRORS`), and taken where they gain `LEAST_LN_EVIDENCE_GAIN`, or
     `LEAST_LN_EVIDENCE_GAIN_OF_VARIANCE`, over what is simpler; beside growth or an error of the thermometer only what
     still earns its place stays, but for a memory beside a discrepancy, which stays unless it lacks
-    `MEMORY_LN_EVIDENCE_LOSS`. Discrepancies are taken where the evidence of all channels together is greater with them
-    (by `LEAST_LN_EVIDENCE_GAIN` beside a memory, which a smooth misfit resembles): force and displacement are of one
+    `ALLOWED_LN_EVIDENCE_LOSS`. Discrepancies are taken where the evidence of all channels together is greater with them:
+    by `LEAST_LN_EVIDENCE_GAIN` beside a memory, which a smooth misfit resembles, and beside normal noise without one
+    also where it is less by no more than `allowed_loss`. They are taken together: force and displacement are of one
     specimen, and where the curve fails in one of them the other, in more noise, is no better known. Before another
     series a discrepancy counts as a memory does. Heavy tails are not taken beside a discrepancy: under them what a
     smooth function does not resolve passes for outliers, and the curve for better known than it is. So they are looked
@@ -153,8 +156,10 @@ def choose_noise(
         Whether discrepancies are considered.
     sweeps : bool
         Whether what sweeps have of their own is considered.
+    allowed_loss : float
+        ln evidence that a discrepancy beside normal noise without a memory may lack and still be taken.
     """
-    residuals = _Residuals(posterior, start, priors, discrepancy)
+    residuals = _Residuals(posterior, start, priors, discrepancy, allowed_loss)
     choice, supported = _best(residuals, noise, tails=False)
     if choice.name == ROUNDED:
         return choice
@@ -240,7 +245,7 @@ def _best(residuals: _Residuals, noise: str | None, *, tails: bool) -> tuple[Noi
                 best = extended
         best = _without_what_is_not_needed(best, names, lambda name: look(name).supported)
         if any(look(best).bases):
-            enough = look(best).ln_evidence - MEMORY_LN_EVIDENCE_LOSS
+            enough = max(look(best).ln_evidence, look(best).supported) - ALLOWED_LN_EVIDENCE_LOSS
             allowed = (n for n in _with_memory(best) if any(look(n).bases) and look(n).ln_evidence > enough)
             best = next(allowed, best)
     chosen = found[best]
@@ -347,11 +352,10 @@ def _reason(
         )
     taken = sorted({channel for bases in description.bases for channel in bases})
     if taken:
-        gains = ", ".join(f"{nats(description.gain[c])} ({quantity(c)})" for c in taken)
         beside = "a smooth discrepancy beside the curve"
         if _sweeps_apart(description.bases):
             beside += ", and what each sweep has of its own,"
-        parts.append(f"{beside} gains {gains} in ln evidence")
+        parts.append(f"{beside} {_gained({c: description.gain[c] for c in taken}, quantity)}")
         if (
             NOISE_MODELS[name].autocorrelated
             and others
@@ -359,6 +363,14 @@ def _reason(
         ):
             parts.append("beside it a memory stays unless the evidence is against it")
     return f"{title}: {'; '.join(parts)}"
+
+
+def _gained(gain: Mapping[str, float], quantity: Callable[[str], str]) -> str:
+    """What a discrepancy gains in ln evidence, channel by channel; where it does not, why it is taken."""
+    total = sum(gain.values())
+    if total < 0.0:
+        return f"lacks {nats(-total)} in ln evidence, too little to count on the curve alone"
+    return f"gains {', '.join(f'{nats(g)} ({quantity(c)})' for c, g in gain.items())} in ln evidence"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -435,10 +447,18 @@ def _correlation(x: Floats, y: Floats) -> float:
 class _Residuals:
     """Residuals of the warm start, to be described by noise models and discrepancies."""
 
-    def __init__(self, posterior: Posterior, start: WarmStart, priors: PriorSet, discrepancy: bool) -> None:
+    def __init__(
+        self,
+        posterior: Posterior,
+        start: WarmStart,
+        priors: PriorSet,
+        discrepancy: bool,
+        allowed_loss: float,
+    ) -> None:
         self.posterior = posterior
         self.start = start
         self.priors = priors
+        self.allowed_loss = allowed_loss
         self.descriptions: dict[str, _Description] = {}
         self.curves_alone = False
         self.alone: dict[tuple[str, int, str, float | None], _FittedNoise] = {}
@@ -574,6 +594,8 @@ class _Residuals:
                 gain[channel] += -np.inf if beside is None else beside.ln_evidence - alone.ln_evidence
         # beside a memory, which a smooth misfit resembles, it has to earn its place as the memory has
         enough = LEAST_LN_EVIDENCE_GAIN if noise.autocorrelated else 0.0
+        if noise.is_gaussian and not noise.autocorrelated:
+            enough = -self.allowed_loss
         stands = sum(g for g in gain.values() if np.isfinite(g)) > enough
         bases: list[dict[str, DiscrepancyBasis]] = []
         estimate: list[dict[str, Floats]] = []

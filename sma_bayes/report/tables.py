@@ -489,7 +489,8 @@ def missed_table(records: Sequence[RecordContent]) -> Table:
         "What the curves miss",
         "A smooth function of temperature beside the curve, kept apart from all that the parameters of the curve can "
         "do. Rms: root mean square over the samples. Largest: where its median is largest, with the temperature and "
-        "the share of the measured range. It is taken where it gains evidence: ln Bayes factor, at the warm start. "
+        "the share of the measured range. It is taken unless the evidence is against it: ln Bayes factor, at the "
+        "warm start. "
         "Between sweeps: root mean square of what a sweep has of its own beside it, where sweeps differ; the curve is "
         "their mean then, and new readings are of a new sweep.",
         [

@@ -13,7 +13,7 @@ from sma_bayes.fitting import noise_choice
 from sma_bayes.fitting.noise_choice import (
     LEAST_LN_EVIDENCE_GAIN,
     MAX_MEMORY_SAMPLES,
-    MEMORY_LN_EVIDENCE_LOSS,
+    ALLOWED_LN_EVIDENCE_LOSS,
     NoiseChoice,
     choose_noise,
     noise_start,
@@ -171,7 +171,7 @@ def test_a_memory_stays_beside_a_discrepancy_unless_the_evidence_is_against_it(
     apart = {name: choice_for(record, noise=name) for name in ("independent", "ar1")}
     assert all(c.bases[0] for c in apart.values())
     against = choice.ln_evidence["independent"] - choice.ln_evidence["ar1"]
-    assert choice.name == ("ar1" if against < MEMORY_LN_EVIDENCE_LOSS else "independent")
+    assert choice.name == ("ar1" if against < ALLOWED_LN_EVIDENCE_LOSS else "independent")
     assert ("beside it a memory stays" in choice.reason) == (
         choice.name == "ar1" and against > -LEAST_LN_EVIDENCE_GAIN
     )
@@ -185,7 +185,7 @@ def test_a_memory_beside_a_discrepancy_is_dropped_where_the_evidence_is_against_
 ) -> None:
     record = with_a_second_step(make_record(("force",), n=80, noise=0.004))
     assert choice_for(record).name == "ar1"
-    monkeypatch.setattr(noise_choice, "MEMORY_LN_EVIDENCE_LOSS", -100.0)
+    monkeypatch.setattr(noise_choice, "ALLOWED_LN_EVIDENCE_LOSS", -100.0)
     choice = choice_for(record)
     assert choice.name == "independent"
     assert choice.bases[0]
