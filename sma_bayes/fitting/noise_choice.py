@@ -50,9 +50,9 @@ LEAST_LN_EVIDENCE_GAIN = 1.5
 LEAST_LN_EVIDENCE_GAIN_OF_VARIANCE = 2.0
 """What growth and an error of the thermometer must gain: they are looked at last, beside the best of the others."""
 ALLOWED_LN_EVIDENCE_LOSS = 2.0
-"""ln evidence that the more careful reading must lack to be dropped: a discrepancy beside noise without a memory, since a
-misfit that a record hardly shows takes starts and finishes out of intervals that don't know of it; and a memory beside
-a discrepancy, since one sweep hardly tells it from what the discrepancy does not resolve."""
+"""ln evidence that the more careful reading must lack to be dropped: a discrepancy beside noise without a memory, since
+a misfit that a record hardly shows takes starts and finishes out of intervals that don't know of it; and a memory
+beside a discrepancy, since one sweep hardly tells it from what the discrepancy does not resolve."""
 CHANGE_SD_RANGES = 10.0
 """Standard deviation, in ranges of the channel, of what a change of the parameters may do to the curve."""
 BASIS_GRID_POINTS = 2001
@@ -129,9 +129,9 @@ def choose_noise(
     thing (`LEAST_STANDARD_ERRORS`), and taken where they gain `LEAST_LN_EVIDENCE_GAIN`, or
     `LEAST_LN_EVIDENCE_GAIN_OF_VARIANCE`, over what is simpler; beside growth or an error of the thermometer only what
     still earns its place stays, but for a memory beside a discrepancy, which stays unless it lacks
-    `ALLOWED_LN_EVIDENCE_LOSS`. Discrepancies are taken where the evidence of all channels together is greater with them:
-    by `LEAST_LN_EVIDENCE_GAIN` beside a memory, which a smooth misfit resembles, and beside normal noise without one
-    also where it is less by no more than `allowed_loss`. They are taken together: force and displacement are of one
+    `ALLOWED_LN_EVIDENCE_LOSS`. Discrepancies are taken where the evidence of all channels together is greater with
+    them: by `LEAST_LN_EVIDENCE_GAIN` beside a memory, which a smooth misfit resembles, and beside normal noise without
+    one also where it is less by no more than `allowed_loss`. They are taken together: force and displacement are of one
     specimen, and where the curve fails in one of them the other, in more noise, is no better known. Before another
     series a discrepancy counts as a memory does. Heavy tails are not taken beside a discrepancy: under them what a
     smooth function does not resolve passes for outliers, and the curve for better known than it is. So they are looked

@@ -16,6 +16,7 @@ from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.assess.middle import middle_temperatures
 from sma_bayes.assess.transformation import (
+    MAX_OUTSTANDING_SHARE,
     curves_beyond,
     tangents,
     temperatures_of_draws,
@@ -120,10 +121,15 @@ def _of_branch(record: RecordDraws, middles: _Middles) -> Iterator[Feature]:
             )  # fmt: skip
         left = _share_left(record, channel)
         if left is not None:
+            doubt = (
+                "; that plateau was not measured, so the model's word alone"
+                if plateau_unmeasured(left)
+                else ""
+            )
             yield Feature(
                 "share_left", condition, branch, channel, "1", left,
                 f"share of the transformation of {what} that is left at the highest measured temperature, as the curve "
-                "goes on from there", on_log=True,
+                f"goes on from there{doubt}", on_log=True,
             )  # fmt: skip
         if channel in record.channels:
             slope, words, at_edge = _greatest_slope(record, channel)
@@ -133,6 +139,11 @@ def _of_branch(record: RecordDraws, middles: _Middles) -> Iterator[Feature]:
             )  # fmt: skip
     yield from _transformation(record)
     yield from _stiffness(record)
+
+
+def plateau_unmeasured(left: Floats | float) -> bool:
+    """Whether so much of a transformation is left (median) that its plateau, and with it the share, is extrapolated."""
+    return bool(np.nanmedian(left) > MAX_OUTSTANDING_SHARE)
 
 
 def _share_left(record: RecordDraws, channel: str) -> Floats | None:

@@ -10,6 +10,7 @@ from sma_bayes.report.content import Estimate, Number
 from sma_bayes.report.notation import interval_text, unit_label
 from sma_bayes.report.tables import UNIT_OF_ROW, Cell, Column, Table, table_of, words
 from sma_bayes.runs.schema import IntervalDocument
+from sma_bayes.studies.conditions.features import plateau_unmeasured
 from sma_bayes.studies.conditions.schema import (
     ConditionsDocument,
     LeftOutCurve,
@@ -189,7 +190,7 @@ def feature_table(stored: StoredConditions) -> Table:
         edge = f.at_edge is not None and f.at_edge > EDGE_PROBABILITY
         rows.append(
             (f.condition, f.branch, named(f.name), quantity_of(f.channel, specimen=specimen), value,
-             unit_label(f.unit) or "1", _remark("at an end of the sweep" if edge else "", f.defined))
+             unit_label(f.unit) or "1", _remark(_doubt(f, edge), f.defined))
         )  # fmt: skip
     return Table(
         "features",
@@ -263,6 +264,13 @@ def _effect_rows(found: ConditionsDocument) -> Iterator[tuple[Cell, ...]]:
             e.why or _remark("", e.defined),
             ", ".join(setting_name(n, specimen) for n in [*e.aliased_with, *along]),
         )  # fmt: skip
+
+
+def _doubt(feature: StatedFeature, edge: bool) -> str:
+    """Why a feature says less than its interval, if so."""
+    if feature.name == "share_left" and plateau_unmeasured(feature.median or 0.0):
+        return "its plateau was not measured"
+    return "at an end of the sweep" if edge else ""
 
 
 def _nothing_is_left(found: ConditionsDocument, e: StatedEffect) -> bool:

@@ -11,9 +11,9 @@ import pytest
 
 from sma_bayes.fitting import noise_choice
 from sma_bayes.fitting.noise_choice import (
+    ALLOWED_LN_EVIDENCE_LOSS,
     LEAST_LN_EVIDENCE_GAIN,
     MAX_MEMORY_SAMPLES,
-    ALLOWED_LN_EVIDENCE_LOSS,
     NoiseChoice,
     choose_noise,
     noise_start,

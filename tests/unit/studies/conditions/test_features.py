@@ -75,6 +75,17 @@ def test_both_branches_together_give_the_extremes_and_the_width(
     assert left.mean() == pytest.approx(1.0 / (1.0 + np.exp(0.35 * (70.0 - 52.0))), rel=0.02)
 
 
+def test_a_share_left_before_a_plateau_that_was_not_measured_says_so(
+    make_draws: Callable[..., RecordDraws],
+) -> None:
+    over, cut = (
+        named(condition_features([make_draws(C, span=(30.0, hottest))]), "share_left", "heating", "force")
+        for hottest in (70.0, 56.0)
+    )
+    assert "not measured" not in over.meaning
+    assert "that plateau was not measured, so the model's word alone" in cut.meaning
+
+
 def test_displacement_alone_gives_no_stiffness(make_draws: Callable[..., RecordDraws]) -> None:
     features = condition_features([make_draws(C, channels=("displacement",))])
     assert {f.channel for f in features} == {"displacement", ""}
