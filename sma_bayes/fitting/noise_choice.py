@@ -157,9 +157,10 @@ def choose_noise(
     sweeps : bool
         Whether what sweeps have of their own is considered.
     allowed_loss : float
-        ln evidence that a discrepancy beside normal noise without a memory may lack and still be taken.
+        ln evidence that a discrepancy beside normal noise without a memory may lack and still be taken, where the
+        noise is chosen, too.
     """
-    residuals = _Residuals(posterior, start, priors, discrepancy, allowed_loss)
+    residuals = _Residuals(posterior, start, priors, discrepancy, 0.0 if noise else allowed_loss)
     choice, supported = _best(residuals, noise, tails=False)
     if choice.name == ROUNDED:
         return choice

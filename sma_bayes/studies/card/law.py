@@ -97,8 +97,12 @@ def share(temperature: Floats, none: float, full: float, p: float, q: float) -> 
     return np.asarray(np.interp(temperature, along[::-1], _NODES[::-1]))
 
 
-def crossed(cooling: tuple[float, float, float, float], heating: tuple[float, float, float, float]) -> float:
-    """Greatest share of either phase with which heating is below cooling, 0 where branches do not cross [1].
+def crossed_at(
+    cooling: tuple[float, float, float, float], heating: tuple[float, float, float, float]
+) -> tuple[float, float]:
+    """Greatest shares of martensite and of austenite with which heating is below cooling, 0 if none [1].
+
+    The first is where little martensite is left, the second where little austenite is.
 
     Parameters
     ----------
@@ -107,9 +111,9 @@ def crossed(cooling: tuple[float, float, float, float], heating: tuple[float, fl
 
     Examples
     --------
-    >>> crossed((20.0, 10.0, 1.0, 1.0), (40.0, 30.0, 1.0, 1.0))
-    0.0
-    >>> crossed((20.0, 10.0, 1.0, 1.0), (19.0, 13.0, 1.0, 1.0)) > 0.2
+    >>> crossed_at((20.0, 10.0, 1.0, 1.0), (40.0, 30.0, 1.0, 1.0))
+    (0.0, 0.0)
+    >>> max(crossed_at((20.0, 10.0, 1.0, 1.0), (19.0, 13.0, 1.0, 1.0))) > 0.2
     True
     """
     along = []
@@ -117,7 +121,10 @@ def crossed(cooling: tuple[float, float, float, float], heating: tuple[float, fl
         first, last = ends(none, full, p, q)
         along.append(first + (last - first) * hardening(_NODES, p, q))
     below = _NODES[along[1] < along[0]]
-    return float(np.minimum(below, 1.0 - below).max(initial=0.0))
+    return (
+        float(below[below <= 0.5].max(initial=0.0)),
+        float((1.0 - below[below >= 0.5]).max(initial=0.0)),
+    )
 
 
 def transformation_strain(stress: Floats | float, least: Floats, most: Floats, k: Floats) -> Floats:

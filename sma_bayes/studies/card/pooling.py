@@ -108,6 +108,17 @@ class PooledConstants:
     constants: Mapping[str, Constant]
     reference: float
 
+    def shifts(self, stress: float) -> tuple[float, float]:
+        """How far a stress [MPa] moves cooling and heating of the card [K]."""
+        c = {name: np.asarray(one.value) for name, one in self.constants.items()}
+        strain, slopes = (c["H_min"], c["H_max"], c["k"]), (c["C_A"], c["C_M"])
+        moduli = Moduli(float(c["E_A"]), float(c["E_M"]))
+        on_cooling, on_heating = (
+            float(shift(stress, self.reference, strain, slopes, moduli, cooling=cooling))
+            for cooling in (True, False)
+        )
+        return on_cooling, on_heating
+
     def at_reference(self) -> dict[str, Constant]:
         """Temperatures [K] and transformation strain [1] at the reference stress."""
         c = self.constants

@@ -72,8 +72,8 @@ class ConstitutiveCard(DocumentPart):
     draws: int = Field(description="rows of `constitutive-draws.csv`")
     crossed: NumberOrNull = Field(
         default=None,
-        description="share of a phase below which heating and cooling cross without stress; above 0.001 simcoon does "
-        "not give the card back [1]",
+        description="greatest share of a phase below which heating and cooling cross at a stress of the sweeps; above "
+        "0.001 simcoon does not give the card back [1]",
     )
     simcoon: str = Field(description="file for simcoon")
     sma_react: str = Field(description="file for SMA-REACT")

@@ -26,10 +26,11 @@ from sma_bayes.runs.outputs import StoredRun, read_run
 from sma_bayes.runs.schema import interval_document
 from sma_bayes.runs.store import write_csv, write_json, write_text
 from sma_bayes.runs.stored_draws import draws_of
+from sma_bayes.studies.card.apart import CROSSED, crossing_of, kept_apart
 from sma_bayes.studies.card.exports import covariance_text, simcoon_material, sma_react_solution
 from sma_bayes.studies.card.features import GRID, NAMES, curve_of, nearest_law
 from sma_bayes.studies.card.header import stiffness_header
-from sma_bayes.studies.card.law import Moduli, crossed, shift, transformation_strain
+from sma_bayes.studies.card.law import Moduli, transformation_strain
 from sma_bayes.studies.card.pooling import (
     Constant,
     LoadedSweep,
@@ -61,8 +62,6 @@ POOR: Final = 0.05
 """Miss of the law, over the range of a curve, from which it is a caution [1]."""
 COARSE: Final = 0.02
 """Error of interpolation over the stiffness from which it is a caution [1]."""
-CROSSED: Final = 1e-3
-"""Share of a phase up to which branches may cross, in tails that no curve shows [1]."""
 EXPANSIONS_ALIKE: Final = 3e-6
 """Greatest difference of the expansions of both phases that simcoon 2.2 integrated with its default tangent [1/K]."""
 UNITS: Final = {
@@ -255,7 +254,8 @@ def _constitutive(
     if missing:
         return None, "; ".join(dict.fromkeys(left_out.values()))
     reference = asked.reference or float(np.mean([s.stress for s in sweeps]))
-    law = pooled(sweeps, reference, common, asked.moduli, AUSTENITE, rng)
+    stresses = distinct([s.stress for s in sweeps])
+    law = kept_apart(pooled(sweeps, reference, common, asked.moduli, AUSTENITE, rng), stresses)
     stated = [_stated_sweep(one, law, common) for one in seen]
     found_card = ConstitutiveCard(
         constants=tuple(_stated(n, c) for n, c in law.constants.items()),
@@ -265,11 +265,13 @@ def _constitutive(
         ),
         reference_stress=reference,
         common_temperature=common,
-        stresses=tuple(distinct([s.stress for s in sweeps])),
+        stresses=tuple(stresses),
         sweeps=tuple(stated),
         left_out=left_out,
         draws=asked.draws,
-        crossed=crossing_of({n: c.value for n, c in law.constants.items()}),
+        crossed=crossing_of(
+            {n: c.value for n, c in law.constants.items()}, [law.shifts(s) for s in stresses]
+        ),
         simcoon="simcoon.json",
         sma_react="sma_react.json",
     )
@@ -316,8 +318,7 @@ def _law_numbers(sweep: LoadedSweep, law: PooledConstants) -> Floats:
     c = {name: one.value for name, one in law.constants.items()}
     moduli, cooling = Moduli(c["E_A"], c["E_M"]), sweep.branch is Branch.COOLING
     strain = (np.asarray(c["H_min"]), np.asarray(c["H_max"]), np.asarray(c["k"]))
-    slopes = (np.asarray(c["C_A"]), np.asarray(c["C_M"]))
-    moved = float(shift(sweep.stress, law.reference, strain, slopes, moduli, cooling=cooling))
+    moved = law.shifts(sweep.stress)[0 if cooling else 1]
     upper, lower, p, q = (c[n] for n in (("Ms", "Mf", "n1", "n2") if cooling else ("Af", "As", "n3", "n4")))
     whole = float(transformation_strain(sweep.stress, *strain)) + sweep.stress * moduli.compliance
     return np.array([
@@ -404,21 +405,14 @@ def expansion_caution(austenite: float, martensite: float) -> tuple[str, ...]:
     )
 
 
-def crossing_of(constants: Mapping[str, float]) -> float:
-    """Share of a phase below which heating and cooling of a card cross without stress [1]."""
-    c = constants
-    return crossed((c["Ms"], c["Mf"], c["n1"], c["n2"]), (c["Af"], c["As"], c["n3"], c["n4"]))
-
-
 def crossing_caution(shared: float) -> tuple[str, ...]:
-    """What to say of a heating that is below the cooling in the tails of both, see `crossing_of`, if anything."""
+    """What to say of a card whose heating is below its cooling, see `crossing_of`, if anything."""
     if shared <= CROSSED:
         return ()
     return (
-        "simcoon does not give this card back: without stress its heating and cooling cross where "
-        f"{100.0 * shared:.1f} % or less of a phase is left, as their corners are rounder than the hysteresis is wide, "
-        "and both transformations then go on at once there. A card of NiTiHf that crosses at 1.5 % came back 1 to 6 % "
-        "of the strain off (root mean square; 15 % at most). The curves of the card are in constitutive-curves.csv.",
+        "simcoon does not give this card back: its heating and cooling cross where "
+        f"{100.0 * shared:.1f} % or less of a phase is left, also with sharper corners than were measured, and both "
+        "transformations then go on at once there. The curves of the card are in constitutive-curves.csv.",
     )
 
 

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import numpy as np
 import pytest
+from scipy.special import expit
 
+from sma_bayes.studies.card.apart import CROSSED, crossing_of, kept_apart
 from sma_bayes.studies.card.exports import simcoon_material
+from sma_bayes.studies.card.features import logits
 from sma_bayes.studies.card.law import Moduli, shift
 from sma_bayes.studies.card.pooling import Constant, PooledConstants
-from sma_bayes.studies.card.workflow import crossing_caution, crossing_of, expansion_caution
+from sma_bayes.studies.card.workflow import crossing_caution, expansion_caution
 
 CONSTANTS = {
     "E_A": 60e3, "E_M": 40e3, "alpha_A": -1e-5, "alpha_M": -5e-5, "H_min": 0.005, "H_max": 0.04, "k": 0.01,
@@ -64,18 +67,56 @@ def test_slopes_that_differ_are_told_with_what_helps() -> None:
     assert "tangent_mode='closest_point'" in text
 
 
-def test_branches_that_cross_in_their_tails_are_told() -> None:
-    """Constants of a NiTiHf wire: 13 K of overlap with a thousandth of martensite left, none with a fiftieth."""
-    wide = {"Ms": 429.3, "Mf": 387.1, "As": 418.4, "Af": 446.3, "n1": 0.11, "n2": 0.05, "n3": 0.05, "n4": 0.1}
-    shared = crossing_of(wide)
-    assert 0.01 < shared < 0.02
+NITIHF = {
+    **CONSTANTS, "C_A": 10.2, "C_M": 7.3, "H_min": 0.0004, "H_max": 0.0387, "k": 0.012,
+    "Ms": 429.3, "Mf": 387.1, "As": 418.4, "Af": 446.3, "n1": 0.11, "n2": 0.05, "n3": 0.05, "n4": 0.1,
+}  # fmt: skip
+"""Constants of a NiTiHf wire: its tails cross where little martensite is left."""
+STRESSES = (100.0, 300.0)
+
+
+def law_of(constants: dict[str, float]) -> PooledConstants:
+    return PooledConstants({n: Constant(v, np.full(2, v)) for n, v in constants.items()}, 200.0)
+
+
+def crossing(law: PooledConstants) -> float:
+    values = {n: c.value for n, c in law.constants.items()}
+    return crossing_of(values, [law.shifts(s) for s in STRESSES])
+
+
+def test_branches_that_cross_are_kept_apart_by_sharper_corners() -> None:
+    law = law_of(NITIHF)
+    assert crossing(law) > 0.05
+    apart = kept_apart(law, STRESSES)
+    assert crossing(apart) <= CROSSED
+    for name, one in apart.constants.items():
+        if name in ("n1", "n3"):
+            assert one.value > 1.5 * NITIHF[name]
+            assert not one.identified
+            assert "of martensite or less is left" in one.why
+            assert one.draws == pytest.approx(one.value)
+        else:
+            assert one is law.constants[name]
+    # no more than it takes
+    c = {n: one.value for n, one in apart.constants.items()}
+    less = {n: float(expit(logits(np.asarray(c[n])) - 0.1)) for n in ("n1", "n3")}
+    assert crossing(law_of({**c, **less})) > 0.5 * CROSSED
+
+
+def test_branches_that_do_not_cross_stay_as_they_are() -> None:
+    law = law_of(CONSTANTS)
+    kept = kept_apart(law, STRESSES)
+    assert all(one is law.constants[n] for n, one in kept.constants.items())
+    assert crossing_caution(crossing(law)) == ()
+
+
+def test_tangents_that_cross_are_told() -> None:
+    """Heating in the middle of cooling: no corner helps."""
+    law = kept_apart(law_of({**NITIHF, "As": 375.0, "Af": 425.0}), STRESSES)
+    shared = crossing(law)
+    assert shared > 0.3
     (text,) = crossing_caution(shared)
     assert text.startswith("simcoon does not give this card back")
-    assert "cross where 1." in text
     assert "constitutive-curves.csv" in text
-    card = PooledConstants(
-        {n: Constant(v, np.full(2, v)) for n, v in {**CONSTANTS, **wide}.items()}, REFERENCE
-    )
-    assert simcoon_material(card, COMMON, (text,))["cautions"] == [text]
-    assert crossing_caution(crossing_of(CONSTANTS)) == ()
-    assert "cautions" not in simcoon_material(card, COMMON)
+    assert simcoon_material(law, COMMON, (text,))["cautions"] == [text]
+    assert "cautions" not in simcoon_material(law_of(CONSTANTS), COMMON)
