@@ -157,10 +157,12 @@ def choose_noise(
     sweeps : bool
         Whether what sweeps have of their own is considered.
     allowed_loss : float
-        ln evidence that a discrepancy beside normal noise without a memory may lack and still be taken, where the
-        noise is chosen, too.
+        ln evidence that a discrepancy beside normal noise without a memory may lack and still be taken. None where the
+        noise is not chosen, nor where an error of the thermometer was declared, which is integrated out better without.
     """
-    residuals = _Residuals(posterior, start, priors, discrepancy, 0.0 if noise else allowed_loss)
+    if noise is not None or any(r.temperature_sd > 0.0 for r in posterior.records):
+        allowed_loss = 0.0
+    residuals = _Residuals(posterior, start, priors, discrepancy, allowed_loss)
     choice, supported = _best(residuals, noise, tails=False)
     if choice.name == ROUNDED:
         return choice
