@@ -9,11 +9,12 @@ versions, and a mismatch is refused.
 from __future__ import annotations
 
 import hashlib
+import time
 from collections.abc import Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Final
 
 import h5py
 import numpy as np
@@ -23,6 +24,9 @@ from numpy.typing import NDArray
 from sma_bayes.arrays import Floats
 from sma_bayes.disk import NEEDED, reason, unwritable, writing
 from sma_bayes.errors import ResumeError
+
+HELD_BACK_S: Final = 1.0
+"""Time from the start of a run in which its blocks are kept in memory alone [s]."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -54,8 +58,9 @@ class StepBlock:
 class Checkpoint:
     """Chains of one posterior in one file, a group for each stage, and for each ensemble where they run apart.
 
-    A file that can't be read, because the process was killed while it wrote, is set aside as ``*.unreadable`` and
-    the chains are begun again; they come out the same.
+    Blocks are held back for the first `HELD_BACK_S`: what is killed by then is soon made again, and writing takes a
+    tenth of the time of a short record. A file that can't be read, because the process was killed while it wrote, is
+    set aside as ``*.unreadable`` and the chains are begun again; they come out the same.
 
     Parameters
     ----------
@@ -73,11 +78,13 @@ class Checkpoint:
 
     def __init__(self, path: Path, fingerprint: str) -> None:
         self.path = path
+        self.fingerprint = fingerprint
+        self._write_from = time.monotonic() + HELD_BACK_S
+        self._held: list[tuple[str, StepBlock]] = []
         if path.exists() and not _whole(path):
             with writing(path):
                 path.replace(path.with_name(f"{path.name}.unreadable"))
         if not path.exists():
-            _create(path, fingerprint)
             return
         with h5py.File(path, "r") as file:
             found = str(file.attrs["fingerprint"])
@@ -94,11 +101,13 @@ class Checkpoint:
 
         They are read at once: while the file is open for reading, another ensemble couldn't append to it.
         """
+        if not self.path.exists():
+            return iter(())
         with h5py.File(self.path, "r") as file:
             return iter(_blocks(file[name]) if name in file else [])
 
     def append(self, name: str, block: StepBlock) -> None:
-        """Add a block to one ensemble's chain.
+        """Add a block to one ensemble's chain, and those that were held back.
 
         What an interrupted call has left behind the last whole block is written over.
 
@@ -107,6 +116,16 @@ class Checkpoint:
         OutputError
             If it can't be written, for instance because the disk is full.
         """
+        self._held.append((name, block))
+        if not self.path.exists():
+            if time.monotonic() < self._write_from:
+                return
+            _create(self.path, self.fingerprint)
+        for each in self._held:
+            self._write(*each)
+        self._held.clear()
+
+    def _write(self, name: str, block: StepBlock) -> None:
         steps, walkers, dimension = block.chain.shape
         with writing(self.path, nbytes=block.chain.nbytes + block.log_prob.nbytes):
             backend = HDFBackend(str(self.path), name=name, compression="gzip", compression_opts=1)

@@ -21,6 +21,18 @@ Same = Callable[[Path, Path], None]
 EXAMPLE = Path(__file__).resolve().parents[2] / "docs" / "examples" / "nitihf_sparse_isobaric.toml"
 
 
+@pytest.fixture(autouse=True)
+def chains_are_written_at_once(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    """In this process and in all that are started from it, as if records took long."""
+    monkeypatch.setattr("sma_bayes.sampling.checkpoint.HELD_BACK_S", 0.0)
+    own = tmp_path / "at_once"
+    own.mkdir()
+    line = "from sma_bayes.sampling import checkpoint\ncheckpoint.HELD_BACK_S = 0.0\n"
+    (own / "sitecustomize.py").write_text(line, encoding="utf-8")
+    before = os.environ.get("PYTHONPATH")
+    monkeypatch.setenv("PYTHONPATH", os.pathsep.join([str(own), *([before] if before else [])]))
+
+
 @pytest.fixture(scope="module")
 def data(tmp_path_factory: pytest.TempPathFactory) -> Path:
     """Two conditions, one of them with a short heating branch that needs differential evolution."""

@@ -145,5 +145,20 @@ def test_a_full_disk_is_one_message(path: Path, monkeypatch: pytest.MonkeyPatch)
 def test_a_folder_that_can_not_be_made_is_one_message(tmp_path: Path) -> None:
     (tmp_path / "file").write_text("")
     with pytest.raises(OutputError, match="can't be written"):
-        Checkpoint(tmp_path / "file" / "c.h5", "f")
+        Checkpoint(tmp_path / "file" / "c.h5", "f").append("a", block(0))
     assert [p.name for p in tmp_path.iterdir()] == ["file"]
+
+
+def test_a_run_that_is_soon_over_writes_nothing(path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    clock = iter([10.0, 11.9, 12.1, 12.2])
+    monkeypatch.setattr(checkpoint, "HELD_BACK_S", 2.0)
+    monkeypatch.setattr(checkpoint.time, "monotonic", lambda: next(clock))
+    run = Checkpoint(path, "f")
+    run.append("a", block(0))
+    assert not path.parent.exists()
+    assert list(run.blocks("a")) == []
+    run.append("a", block(1))
+    run.append("b", block(2))
+    for found, seed in zip(run.blocks("a"), range(2), strict=True):
+        same(found, block(seed))
+    same(next(run.blocks("b")), block(2))

@@ -136,6 +136,7 @@ def test_sampling_that_was_interrupted_goes_on_to_the_same_bits(two_effects, tmp
 
     plain = HypothesisDensity.log_prob
     monkeypatch.setattr(HypothesisDensity, "log_prob", counted)
+    monkeypatch.setattr("sma_bayes.sampling.checkpoint.HELD_BACK_S", 0.0)
     stop = -1
     whole = sample_hypothesis(fitted, np.random.SeedSequence(5), MANY)
     needed, calls, stop = calls, 0, calls - 1
