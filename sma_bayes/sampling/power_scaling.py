@@ -18,7 +18,6 @@ from typing import Final
 import numpy as np
 
 from sma_bayes.arrays import Floats
-from sma_bayes.sampling.convergence import array_stats
 
 THRESHOLD: Final = 0.05
 """Sensitivity from which a quantity counts as sensitive, that of the article. It is reached where doubling the power
@@ -63,7 +62,8 @@ def _sensitivity(values: Floats, log_density: Floats) -> Floats:
     out = np.zeros(count)
     if not np.ptp(log_density) > 0.0 or not varies.any():
         return out
-    stats = array_stats()
+    from arviz_stats.base import array_stats as stats  # here, since it takes long to import
+
     centred = log_density - log_density.max()
     weights = []
     for power in POWERS:
