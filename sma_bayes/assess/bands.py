@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from sma_bayes.arrays import Floats, Ints
-from sma_bayes.fitting.curves import CurveDraws, quantiles
+from sma_bayes.fitting.curves import CurveDraws, quantiles, quantiles_of_ordered
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.noise import Steps
 from sma_bayes.quantities import ARBITRARY, convert
@@ -104,9 +104,8 @@ def credible_band(fit: Fit, channel: str, record: int = 0, extrapolate: float = 
 
 def _band(record: Record, channel: str, t: Floats, curve: Floats, predictive: dict[str, Floats]) -> Band:
     measured = channel in record.channels
-    order = np.argsort(curve.T, axis=1, kind="stable")
-    in_order = np.take_along_axis(curve.T, order, axis=1)  # sorting is what a band costs, so do it once
-    values = quantiles(in_order, list(QUANTILES.values()), axis=1)
+    order, in_order = _in_order(curve)
+    values = quantiles_of_ordered(in_order, list(QUANTILES.values()))
     return Band(
         channel=channel,
         unit=channel_unit(record.units, channel if measured else "stiffness"),
@@ -159,18 +158,23 @@ def simultaneous_band(curve: Floats) -> dict[str, Floats]:
     curve : ndarray, shape (N, m)
         Draws of the curve.
     """
-    order = np.argsort(curve.T, axis=1, kind="stable")
-    return _simultaneous(order, np.take_along_axis(curve.T, order, axis=1))
+    return _simultaneous(*_in_order(curve))
+
+
+def _in_order(curve: Floats) -> tuple[Ints, Floats]:
+    """Order of the draws (N, m) at each point, and the draws in that order, both (m, N)."""
+    at_points = np.ascontiguousarray(curve.T)
+    order = np.argsort(at_points, axis=1)
+    return order, np.take_along_axis(at_points, order, axis=1)
 
 
 def _simultaneous(order: Ints, in_order: Floats) -> dict[str, Floats]:
     """The same from the order of the draws at each point and the draws in that order, both (m, N)."""
     count = order.shape[1]
-    rank = np.arange(count)
-    inside = np.minimum(rank, count - 1 - rank)
-    depth = np.full(count, count)  # how deep a curve stays inside all others
-    for at_point in order:
-        depth[at_point] = np.minimum(depth[at_point], inside)
+    rank = np.arange(count, dtype=np.int32)
+    inside = np.empty(order.shape, dtype=np.int32)
+    np.put_along_axis(inside, order, np.minimum(rank, count - 1 - rank)[None], axis=1)
+    depth = inside.min(axis=0)  # how deep a curve stays inside all others
     deepest_first = np.sort(depth)[::-1]
     out = {}
     for name, level in LEVELS.items():
@@ -186,7 +190,7 @@ def _predictive(fit: Fit, channel: str, t: Floats, record: int, curve: Floats) -
         return _no_measurement(t)
     rng = np.random.default_rng(np.random.SeedSequence([fit.seed, 1, *f"{r.key} {channel}".encode()]))
     new = new_samples(fit.curves(record), channel, t, rng, curve)
-    values = quantiles(new, list(PREDICTIVE.values()), axis=0)
+    values = quantiles(np.ascontiguousarray(new.T), list(PREDICTIVE.values()), axis=1)
     return dict(zip(PREDICTIVE, values, strict=True))
 
 

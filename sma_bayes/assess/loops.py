@@ -7,7 +7,7 @@ from pydantic import Field
 
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.adequacy import led_by_prior
-from sma_bayes.assess.bands import band_channels, curve_draws, temperature_grid
+from sma_bayes.assess.bands import GRID, band_channels, curve_draws, temperature_grid
 from sma_bayes.assess.middle import middle_temperatures
 from sma_bayes.document_part import IntervalDocument, Number
 from sma_bayes.fitting.curves import interval_where_defined
@@ -83,12 +83,14 @@ def loop_quantities(heating: Fit, cooling: Fit, records: tuple[int, int] = (0, 0
                 "temperature at which the curve is half-way, heating less cooling", branch="",
             ))  # fmt: skip
         if high > low:
-            t = np.linspace(low, high, 161)
+            t = np.linspace(low, high, GRID)
+            weight = np.full(GRID, t[1] - t[0])  # of the trapezoidal rule
+            weight[[0, -1]] /= 2.0
             up = curve_draws(heating, channel, t, records[0])
             down = curve_draws(cooling, channel, t, records[1])
             size = min(len(up), len(down))
             with np.errstate(invalid="ignore"):  # undefined where both are infinite
-                area = np.asarray(np.trapezoid(up[:size] - down[:size], t, axis=1))
+                area = (up[:size] - down[:size]) @ weight
             unit = channel_unit(h.units, channel)
             out.append(_interval(
                 "loop_area", heating, records[0], channel, f"{unit} {t_unit}" if unit != "1" else t_unit, area,

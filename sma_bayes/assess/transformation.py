@@ -346,10 +346,11 @@ def _steepest(curve: Curve, low: float, high: float) -> tuple[Floats, Floats]:
 
 def _steepest_chord(t: Floats, y: Floats) -> tuple[Floats, Floats, NDArray[np.bool_]]:
     """Middle and slope of the steepest of the chords between neighbours, and whether it is neither first nor last."""
-    t = np.broadcast_to(t, y.shape)
-    slopes = np.diff(y, axis=-1) / np.diff(t, axis=-1)
+    slopes = np.diff(y, axis=-1)
+    slopes /= np.diff(t, axis=-1)
     best = np.argmax(np.abs(slopes), axis=-1)
     row = np.arange(len(y))
+    t = np.broadcast_to(t, y.shape)
     inside = (best > 0) & (best < slopes.shape[-1] - 1)
     return 0.5 * (t[row, best] + t[row, best + 1]), slopes[row, best], inside
 

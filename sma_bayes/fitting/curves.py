@@ -200,15 +200,26 @@ def quantiles(draws: Floats, levels: Sequence[float], axis: int | None = None) -
     >>> quantiles(np.array([-np.inf, -np.inf, 1.0, 2.0, np.inf, np.inf]), (0.1, 0.5, 0.9)).tolist()
     [-inf, 1.5, inf]
     """
-    at = list(levels)
-    with np.errstate(invalid="ignore"):
-        value = np.quantile(draws, at, axis=axis)
-    if not np.isinf(draws).any():
-        return np.asarray(value)
-    below, above, nearest = (
-        np.quantile(draws, at, axis=axis, method=m) for m in ("lower", "higher", "nearest")
-    )
-    value = np.where(np.isinf(above), above, value)
-    value = np.where(np.isinf(below), below, value)
-    value = np.where(np.isinf(below) & np.isinf(above), nearest, value)
-    return np.asarray(np.where(below == above, below, value))
+    ordered = np.sort(
+        draws, axis=axis
+    )  # a few times as fast as to part them at each level, as numpy.quantile does
+    return quantiles_of_ordered(ordered, levels, -1 if axis is None else axis)
+
+
+def quantiles_of_ordered(ordered: Floats, levels: Sequence[float], axis: int = -1) -> Floats:
+    """The same of draws that are in ascending order along an axis, undefined ones (NaN) last."""
+    n = ordered.shape[axis]
+    place = np.asarray(levels, dtype=float) * (n - 1)
+    at = np.floor(place).astype(int)
+    share = (place - at).reshape(-1, *[1] * (ordered.ndim - 1))
+    in_front = np.moveaxis(ordered, axis, 0)
+    below, above = in_front[at], in_front[np.minimum(at + 1, n - 1)]
+    with np.errstate(invalid="ignore", over="ignore"):
+        step = above - below
+        value = np.where(share < 0.5, below + step * share, above - step * (1.0 - share))
+    infinite = np.isinf(below) | np.isinf(above)
+    if infinite.any():
+        nearest = in_front[np.rint(place).astype(int)]
+        one = np.where(np.isinf(below), np.where(np.isinf(above), nearest, below), above)
+        value = np.where(infinite, np.where(share > 0.0, one, below), value)
+    return np.where(np.isnan(in_front[-1]), np.nan, value)

@@ -79,7 +79,12 @@ def log_cosh_squared(x: Floats) -> Floats:
     10000.0
     """
     size = np.abs(x)
-    return np.asarray(size + 2.0 * np.log1p(np.exp(-size)))
+    rest = np.negative(size, out=np.empty_like(size))  # in place, as in `sigmoid`
+    np.exp(rest, out=rest)
+    np.log1p(rest, out=rest)
+    rest *= 2.0
+    rest += size
+    return rest
 
 
 def log_stiffness_shape(temperature: Floats, a2: Floats, a3: Floats, b2: Floats, b3: Floats) -> Floats:
@@ -113,8 +118,10 @@ def stiffness(
 ) -> Floats:
     """Stiffness of Eq. (7): the slope dF/dX along the actuation path [N/m]; see `log_stiffness`."""
     sign = np.sign(b1) * np.sign(b2) * np.sign(a1) * np.sign(a2)
+    k = log_stiffness(temperature, a1, a2, a3, b1, b2, b3)
     with np.errstate(over="ignore"):  # one exponential of everything: its parts may overflow where K does not
-        return np.asarray(sign * np.exp(log_stiffness(temperature, a1, a2, a3, b1, b2, b3)))
+        np.exp(k, out=k)
+    return np.asarray(sign * k)
 
 
 EQUAL_RATE_TOLERANCE = 1e-6
