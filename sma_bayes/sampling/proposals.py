@@ -113,33 +113,37 @@ class StudentMixture:
             x[mine] = self.mean[k] + normal[mine] @ self.root[k].T
         return x
 
-    def log_components(self, x: Floats) -> Floats:
-        """Log of weight times density of each component, shape (W, K)."""
-        power = 0.5 * (self.df + self.dimension)
-        out = np.empty((len(x), len(self.weight)))
-        for k, log_scale in enumerate(self._log_scale):
-            out[:, k] = log_scale - power * np.log1p(self._distance(x, k) / self.df)
+    def _distances(self, x: Floats) -> Floats:
+        """Squared distances (K, W) from the components' means, in their scales; infinite beyond all numbers."""
+        out = np.empty((len(self.weight), len(x)))
+        with np.errstate(over="ignore", invalid="ignore"):
+            for k, mean in enumerate(self.mean):
+                y = (x - mean) @ self._whiten[k]
+                np.einsum("ij,ij->i", y, y, out=out[k])
+        out[np.isnan(out)] = np.inf
         return out
 
-    def _distance(self, x: Floats, component: int) -> Floats:
-        """Squared distance (W,) from the mean of a component, in units of its scale; infinite beyond all numbers."""
-        with np.errstate(over="ignore", invalid="ignore"):
-            y = (x - self.mean[component]) @ self._whiten[component]
-            squared = np.einsum("ij,ij->i", y, y)
-        return np.where(np.isnan(squared), np.inf, squared)
+    def _log_components(self, distances: Floats) -> Floats:
+        """Log of weight times density of each component, shape (K, W)."""
+        out = distances / self.df
+        np.log1p(out, out=out)
+        out *= -0.5 * (self.df + self.dimension)
+        out += self._log_scale[:, None]
+        return out
 
     def log_density(self, x: Floats) -> Floats:
         """Log density, shape (W,)."""
-        parts = self.log_components(x)
-        return _log_sum(parts)
+        return _log_sum(self._log_components(self._distances(x)))
 
-    def _shares(self, x: Floats) -> Floats:
-        """Probability (W, K) that a point comes from each component; even where it is beyond the reach of all."""
-        if len(self.weight) == 1:
-            return np.ones((len(x), 1))
-        parts = self.log_components(x)
-        parts[~np.isfinite(parts).any(axis=1)] = 0.0
-        return np.asarray(np.exp(parts - _log_sum(parts)[:, None]))
+    def _shares(self, distances: Floats) -> Floats:
+        """Probability (K, W) that a point comes from each component; even where it is beyond the reach of all."""
+        parts = self._log_components(distances)
+        top = parts.max(axis=0)
+        parts -= np.where(np.isfinite(top), top, 0.0)
+        np.exp(parts, out=parts)
+        parts[:, ~np.isfinite(top)] = 1.0
+        parts /= parts.sum(axis=0)
+        return parts
 
     def refitted(self, x: Floats, weight: Floats, *, rounds: int) -> StudentMixture:
         """Fit to weighted points by expectation-maximisation; components that lose their points are dropped.
@@ -156,8 +160,9 @@ class StudentMixture:
             return self._refitted_alone(x, weight, rounds)
         mixture = self
         for _ in range(rounds):
-            share = mixture._shares(x) * weight[:, None]
-            found = [mixture._moments(x, share[:, k], k) for k in range(share.shape[1])]
+            distances = mixture._distances(x)
+            share = mixture._shares(distances) * weight
+            found = [mixture._moments(x, *each) for each in zip(share, distances, strict=True)]
             kept = [moments for moments in found if moments is not None]
             if not kept:
                 return mixture
@@ -175,7 +180,7 @@ class StudentMixture:
             return self
         mean = weight @ x
         centred = x - mean
-        root, distance = self.root[0], self._distance(x, 0)
+        root, distance = self.root[0], self._distances(x)[0]
         for _ in range(rounds):
             if effective >= TAILS_FROM_SHARE * len(x):
                 df = _likeliest_df(distance, weight, d)
@@ -185,15 +190,18 @@ class StudentMixture:
             distance = np.einsum("ij,ij->i", y, y)
         return StudentMixture(self.weight, mean[None], root[None], df)
 
-    def _moments(self, x: Floats, share: Floats, component: int) -> tuple[float, Floats, Floats] | None:
-        """Weight, mean and scale matrix of a component from its shares (W,) of the points; None if it has too few."""
+    def _moments(self, x: Floats, share: Floats, distance: Floats) -> tuple[float, Floats, Floats] | None:
+        """Weight, mean and scale matrix of a component, from its shares (W,) of points at squared distances (W,).
+
+        None if it has too few.
+        """
         d, df = self.dimension, self.df
         total = float(share.sum())
         effective = total**2 / max(float(share @ share), 1e-300)
         if effective < 2.0 * d or total < 1e-3:
             return None
         mean = share @ x / total
-        tail = (df + d) / (df + self._distance(x, component)) * share
+        tail = (df + d) / (df + distance) * share
         centred = x - mean
         return total, mean, (centred * tail[:, None]).T @ centred / total
 
@@ -337,7 +345,7 @@ class MixedProposal:
         }  # several parts may share them
         at = {key: coordinates.forward(z) for key, coordinates in mapped.items()}
         parts = np.stack([part.log_density(z, at[id(part.coordinates)]) for part in self.parts])
-        return _log_sum((parts + np.log(self.weight)[:, None]).T)
+        return _log_sum(parts + np.log(self.weight)[:, None])
 
 
 class DrawSource(Protocol):
@@ -372,8 +380,13 @@ def _likeliest_df(distance: Floats, weight: Floats, dimension: int) -> float:
 
 
 def _log_sum(parts: Floats) -> Floats:
-    """Logarithm of the sum of the exponentials of each row; for few columns several times as fast as scipy's."""
-    return parts[:, 0] if parts.shape[1] == 1 else np.asarray(np.logaddexp.reduce(parts, axis=1))
+    """Logarithm (W,) of the sum of exponentials of a few series (K, W), many times as fast as scipy's or logaddexp."""
+    if len(parts) == 1:
+        return np.asarray(parts[0])
+    top = parts.max(axis=0)
+    top[~np.isfinite(top)] = 0.0
+    with np.errstate(divide="ignore"):
+        return np.asarray(top + np.log(np.exp(parts - top).sum(axis=0)))
 
 
 def _root(matrix: Floats) -> Floats:
