@@ -473,6 +473,7 @@ class _Residuals:
             {c: r.observed[c] - m.mean[c] for c in r.channels}
             for r, m in zip(posterior.records, self.moments, strict=True)
         ]
+        self.scales = [RecordScales.of([r]) for r in posterior.records]
         self.quiet = [quiet(r, m) for r, m in zip(posterior.records, self.moments, strict=True)]
         self.bases: Bases = tuple({} for _ in posterior.records)
         if discrepancy:
@@ -537,10 +538,9 @@ class _Residuals:
         if self.bent:
             return found
         least = VISIBLE_ROUNDING_STEP / np.sqrt(1.0 + VISIBLE_ROUNDING_STEP**2 / 12.0)
-        for record, own in zip(self.posterior.records, description.estimate, strict=True):
-            step = RecordScales.of([record]).step
-            for channel in record.channels:
-                ratio = step[channel] / float(own[channel][0])
+        for scales, own in zip(self.scales, description.estimate, strict=True):
+            for channel, values in own.items():
+                ratio = scales.step[channel] / float(values[0])
                 if ratio > max(least, found.get(channel, 0.0)):
                     found[channel] = ratio
         return found
@@ -658,7 +658,7 @@ class _Residuals:
         longest_memory: float | None = None,
     ) -> _FittedNoise:
         record = self.posterior.records[i]
-        scales = RecordScales.of([record]).with_residual({channel: self.start.fit[i][channel].rmse})
+        scales = self.scales[i].with_residual({channel: self.start.fit[i][channel].rmse})
         if longest_memory is not None:
             scales = scales.with_longest_memory({channel: longest_memory}, self.posterior.steps[i].typical)
         space, slots = _space(self.priors, noise, record, channel, basis, scales)
@@ -670,23 +670,17 @@ class _Residuals:
             self.slope[i][channel], self.moments[i].variance[channel], self.response(i, channel),
             CHANGE_SD_RANGES * span * np.sqrt(record.n),
         )  # fmt: skip
-        best: _FittedNoise | None = None
-        for z in density.starts():
-            mode = find_mode(density, z, space.prior_sd())
-            if mode is None:
-                continue
-            volume = float(np.linalg.slogdet(2.0 * np.pi * mode.covariance)[1])
-            value = mode.log_prob + 0.5 * volume
-            if best is None or value > best.ln_evidence:
-                theta = space.constrain(mode.z)
-                felt_at = slots.temperature_sd
-                own = theta if felt_at is None else np.delete(theta, felt_at)
-                felt = 0.0 if felt_at is None else float(theta[felt_at])
-                best = _FittedNoise(value, own, felt, *density.explained(mode.z), longest_memory)
-        if best is None:
+        modes = [m for z in density.starts() if (m := find_mode(density, z, space.prior_sd())) is not None]
+        if not modes:
             centre = space.constrain(space.prior_centre())
             return _FittedNoise(-np.inf, centre, 0.0, None, residual, longest_memory)
-        return best
+        best = max(modes, key=lambda m: m.mass)
+        ln_evidence = best.mass + 0.5 * best.z.size * np.log(2.0 * np.pi)
+        theta = space.constrain(best.z)
+        felt_at = slots.temperature_sd
+        own = theta if felt_at is None else np.delete(theta, felt_at)
+        felt = 0.0 if felt_at is None else float(theta[felt_at])
+        return _FittedNoise(ln_evidence, own, felt, *density.explained(best.z), longest_memory)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -844,6 +838,8 @@ class _ResidualDensity:
                 theta[self.slots.temperature_sd] = felt * own[0] / steepest
             z = self.space.unconstrain(theta)
             found.append(np.asarray(np.where(np.isfinite(z), z, self.space.prior_centre())))
+            if z.size == 1 and self.noise.is_gaussian:  # of a standard deviation alone there is one mode
+                break
         return found
 
 
