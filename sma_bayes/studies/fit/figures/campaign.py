@@ -40,6 +40,9 @@ from sma_bayes.sampling.convergence import Target
 LOGARITHMIC_ESS_RATIO: Final = 20.0
 """Greatest effective sample size over the target from which its axis is logarithmic."""
 
+LEAST_CORRELATION_SPAN: Final = 1e-6
+"""Least width of an axis of correlation factors: those of a computed curve are all one."""
+
 
 def correlation_figure(content: Content) -> Drawing:
     """Correlation factors of all records with their intervals."""
@@ -99,7 +102,7 @@ def _correlation_axis(ax: Axes, seen: Sequence[float], name: str) -> None:
             va="top",
         )
     else:
-        span = 1.0 - low
+        span = max(1.0 - low, LEAST_CORRELATION_SPAN)
         ax.set_xlim(low - 0.06 * span, 1.0 + 0.06 * span)
         ax.set_xlabel("r [1]; 0.95 lies left of the axis")
     ax.xaxis.set_major_locator(few_ticks(4))
