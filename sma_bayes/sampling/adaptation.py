@@ -92,7 +92,11 @@ class Adapted:
 
     def judged(self, z: Floats, log_prob: Floats) -> Adapted:
         """The same, as draws (n, D) of another move see it; `log_prob` (n,) is what the density is there."""
-        log_seen = log_prob - self.proposal.log_density(z) - self.weights.log_evidence()[0]
+        return self.judged_by(log_prob - self.proposal.log_density(z))
+
+    def judged_by(self, log_weight: Floats) -> Adapted:
+        """The same, as draws of another move see it that have such logarithms of weights (n,)."""
+        log_seen = log_weight - self.weights.log_evidence()[0]
         seen = np.exp(np.clip(log_seen, -700.0, 700.0))  # a proposal may miss a draw by any factor
         own = np.sort(self.weights.normalised) * self.weights.log_weight.size
         below = np.searchsorted(own, seen)

@@ -39,11 +39,11 @@ def adapt_to_draws(density: Density, z: Floats, modes: Sequence[Mode], rng: np.r
 
     def mixtures(shape: NormalShape) -> Iterator[Adapted]:
         u, _, back = shape.coordinates.forward(fit)
+        of_rest = shape.coordinates.forward(rest)
         for components in (1, 4, 12, 32):
             proposal = Proposal(shape.coordinates, _fitted_mixture(shape, u[back], components, rng), wide)
-            yield Adapted(proposal, weigh(density, proposal, rng, 4 * ROUND_DRAWS), 4 * ROUND_DRAWS).judged(
-                rest, log_prob
-            )
+            own = Adapted(proposal, weigh(density, proposal, rng, 4 * ROUND_DRAWS), 4 * ROUND_DRAWS)
+            yield own.judged_by(log_prob - proposal.log_density(rest, of_rest))
 
     found = list(mixtures(shape_of(density, modes[0].covariance)))
     shape = None if any(f.carries for f in found) else _shape_over(density, fit)

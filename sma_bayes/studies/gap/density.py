@@ -60,9 +60,13 @@ class HypothesisDensity:
         return self.fitted.hypothesis.space.draw(rng, size)
 
     def shape(self) -> NormalShape:
-        """The model's parameters are nearly normal once they follow those of the effects; these may be bent."""
-        shear = FollowingCoordinates(self.fitted)
-        return NormalShape(shear, shear.covariance, self.fitted.z.size - shear.count)
+        """The model's parameters are nearly normal once they follow those of the effects; these may be bent.
+
+        Where several readings count as one so few are left that the curve may be bent, too.
+        """
+        shear = FollowingCoordinates(self.fitted, one_by_one=self.readings_as_one > 1.0)
+        bent = self.fitted.z.size - (0 if shear.one_by_one else shear.count)
+        return NormalShape(shear, shear.covariance, bent)
 
     def log_prob(self, z: Floats) -> Floats:
         """Log of the unnormalised density at each row of `z` (W, D); never NaN."""
