@@ -164,7 +164,8 @@ def limited(*arguments: object) -> tuple[int, str, float]:
     it: the tests that ran before would be counted.
     """
     program = (
-        "import sys\nfrom pathlib import Path\nfrom sma_bayes import cli\nsys.argv = ['sma-bayes', *sys.argv[1:]]\nstatus = 0\n"
+        "import sys\nfrom pathlib import Path\nfrom sma_bayes import cli\n"
+        "sys.argv = ['sma-bayes', *sys.argv[1:]]\nstatus = 0\n"
         "try:\n    cli.main()\nexcept SystemExit as end:\n    status = end.code or 0\n"
         "lines = Path('/proc/self/status').read_text().splitlines()\n"
         "print(next(x.split()[1] for x in lines if x.startswith('VmHWM')))\nsys.exit(status)"
