@@ -91,14 +91,10 @@ def nearest_of(curves: CurveDraws) -> tuple[NearestPublished, ...]:
         if channel not in record.channels:
             continue
         published = ModifiedSigmoid((channel,))
-        t, count = compared_temperatures(record.temperature)
-        y = curves.curve(channel, t)
-        own = _own(curves, channel)
-        theta = (
-            own
-            if own is not None and not curves.weights.get(channel, np.zeros(0)).size
-            else nearest_sigmoids(t, y, count)
-        )
+        theta = _own(curves, channel)
+        if theta is None or curves.weights.get(channel, np.zeros(0)).size:
+            t, count = compared_temperatures(record.temperature)
+            theta = nearest_sigmoids(t, curves.curve(channel, t), count)
         facts = published.parameters(record.units)
         order = [Role.SPAN, Role.RATE, Role.MIDPOINT, Role.OFFSET]
         for fact in facts:

@@ -137,9 +137,8 @@ def log_evidence(prepared: Prepared) -> float:
     mode = find_mode(posterior, noise_start(posterior, prepared.start, choice), posterior.space.prior_sd())
     if mode is None:
         return -np.inf
-    volume = float(np.linalg.slogdet(2.0 * np.pi * mode.covariance)[1])
     gained = sum(choice.discrepancy[c] for c in {c for bases in choice.bases for c in bases})
-    return mode.log_prob + 0.5 * volume - min(gained, 0.0)
+    return mode.ln_integral - min(gained, 0.0)
 
 
 def support_of(prepared: Sequence[Prepared]) -> Support:

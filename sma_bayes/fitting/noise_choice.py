@@ -675,12 +675,11 @@ class _Residuals:
             centre = space.constrain(space.prior_centre())
             return _FittedNoise(-np.inf, centre, 0.0, None, residual, longest_memory)
         best = max(modes, key=lambda m: m.mass)
-        ln_evidence = best.mass + 0.5 * best.z.size * np.log(2.0 * np.pi)
         theta = space.constrain(best.z)
         felt_at = slots.temperature_sd
         own = theta if felt_at is None else np.delete(theta, felt_at)
         felt = 0.0 if felt_at is None else float(theta[felt_at])
-        return _FittedNoise(ln_evidence, own, felt, *density.explained(best.z), longest_memory)
+        return _FittedNoise(best.ln_integral, own, felt, *density.explained(best.z), longest_memory)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

@@ -52,6 +52,11 @@ class Mode:
         """Log of what the approximation integrates to, but for a constant."""
         return self.log_prob + 0.5 * float(np.linalg.slogdet(self.covariance)[1])
 
+    @property
+    def ln_integral(self) -> float:
+        """Log of what the approximation integrates to: Laplace's evidence."""
+        return self.mass + 0.5 * self.z.size * float(np.log(2.0 * np.pi))
+
 
 def distinct_modes(modes: Sequence[Mode]) -> tuple[Mode, ...]:
     """Modes that are apart and not without mass, best first."""

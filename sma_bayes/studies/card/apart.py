@@ -25,21 +25,16 @@ LEFT: Final = {"martensite": ("n1", "n3"), "austenite": ("n2", "n4")}
 """Exponents of cooling and heating at the end where little of a phase is left."""
 CROSSED: Final = 0.001
 """Share of a phase up to which branches may cross, in tails that no curve shows [1]."""
+AIMED_AT: Final = 0.5 * CROSSED
+"""What they are left to cross in where they did more [1]."""
 FARTHEST: Final = 8.0
 """Greatest change of logits that is tried: exponents are all but one then, and tangents themselves cross."""
 
 
-def crossing_of(constants: Mapping[str, float], shifts: Sequence[tuple[float, float]]) -> float:
-    """Greatest share of a phase below which heating and cooling of a card cross at any of some stresses [1].
-
-    Parameters
-    ----------
-    constants : mapping of str to float
-        ``Ms``, ``Mf``, ``As``, ``Af`` and the exponents.
-    shifts : sequence of tuple of float
-        How far each stress moves cooling and heating [K].
-    """
-    return max(max(_shares(constants, s)) for s in shifts)
+def crossing_of(law: PooledConstants, stresses: Sequence[float]) -> float:
+    """Greatest share of a phase below which heating and cooling of a card cross at any of some stresses [MPa]; [1]."""
+    values = {name: one.value for name, one in law.constants.items()}
+    return max(max(_shares(values, law.shifts(stress))) for stress in stresses)
 
 
 def _shares(c: Mapping[str, float], shifts: tuple[float, float]) -> tuple[float, float]:
@@ -63,15 +58,15 @@ def kept_apart(law: PooledConstants, stresses: Sequence[float]) -> PooledConstan
         def left(by: float, names: tuple[str, ...] = names, phase: int = phase) -> float:
             c = {n: one.value for n, one in found.items()}
             c |= {n: float(expit(logits(np.asarray(c[n])) + by)) for n in names}
-            return max(_shares(c, s)[phase] for s in shifts) - 0.5 * CROSSED
+            return max(_shares(c, s)[phase] for s in shifts)
 
         crossing = left(0.0)
-        if crossing <= 0.5 * CROSSED or left(FARTHEST) > 0.0:
+        if crossing <= CROSSED or left(FARTHEST) > AIMED_AT:
             continue
-        by = float(brentq(left, 0.0, FARTHEST, xtol=1e-3)) + 1e-3
+        by = float(brentq(lambda by, left=left: left(by) - AIMED_AT, 0.0, FARTHEST, xtol=1e-3)) + 1e-3
         why = (
             f"with the corners that were measured, heating and cooling of the law cross where "
-            f"{100.0 * (crossing + 0.5 * CROSSED):.1f} % of {name} or less is left, which no loop does and no solver "
+            f"{100.0 * crossing:.1f} % of {name} or less is left, which no loop does and no solver "
             f"follows: {' and '.join(names)} are raised until they do not"
         )
         for n in names:

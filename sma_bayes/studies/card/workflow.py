@@ -269,9 +269,7 @@ def _constitutive(
         sweeps=tuple(stated),
         left_out=left_out,
         draws=asked.draws,
-        crossed=crossing_of(
-            {n: c.value for n, c in law.constants.items()}, [law.shifts(s) for s in stresses]
-        ),
+        crossed=crossing_of(law, stresses),
         simcoon="simcoon.json",
         sma_react="sma_react.json",
     )

@@ -79,16 +79,11 @@ def law_of(constants: dict[str, float]) -> PooledConstants:
     return PooledConstants({n: Constant(v, np.full(2, v)) for n, v in constants.items()}, 200.0)
 
 
-def crossing(law: PooledConstants) -> float:
-    values = {n: c.value for n, c in law.constants.items()}
-    return crossing_of(values, [law.shifts(s) for s in STRESSES])
-
-
 def test_branches_that_cross_are_kept_apart_by_sharper_corners() -> None:
     law = law_of(NITIHF)
-    assert crossing(law) > 0.05
+    assert crossing_of(law, STRESSES) > 0.05
     apart = kept_apart(law, STRESSES)
-    assert crossing(apart) <= CROSSED
+    assert crossing_of(apart, STRESSES) <= CROSSED
     for name, one in apart.constants.items():
         if name in ("n1", "n3"):
             assert one.value > 1.5 * NITIHF[name]
@@ -100,20 +95,20 @@ def test_branches_that_cross_are_kept_apart_by_sharper_corners() -> None:
     # no more than it takes
     c = {n: one.value for n, one in apart.constants.items()}
     less = {n: float(expit(logits(np.asarray(c[n])) - 0.1)) for n in ("n1", "n3")}
-    assert crossing(law_of({**c, **less})) > 0.5 * CROSSED
+    assert crossing_of(law_of({**c, **less}), STRESSES) > 0.5 * CROSSED
 
 
 def test_branches_that_do_not_cross_stay_as_they_are() -> None:
     law = law_of(CONSTANTS)
     kept = kept_apart(law, STRESSES)
     assert all(one is law.constants[n] for n, one in kept.constants.items())
-    assert crossing_caution(crossing(law)) == ()
+    assert crossing_caution(crossing_of(law, STRESSES)) == ()
 
 
 def test_tangents_that_cross_are_told() -> None:
     """Heating in the middle of cooling: no corner helps."""
     law = kept_apart(law_of({**NITIHF, "As": 375.0, "Af": 425.0}), STRESSES)
-    shared = crossing(law)
+    shared = crossing_of(law, STRESSES)
     assert shared > 0.3
     (text,) = crossing_caution(shared)
     assert text.startswith("simcoon does not give this card back")

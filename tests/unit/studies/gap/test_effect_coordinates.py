@@ -11,10 +11,26 @@ from sma_bayes.studies.gap.fitting import fit_hypothesis
 
 
 @pytest.fixture(scope="module")
-def fitted(make_line, added):
-    line = make_line(phi=0.4, seed=5)
-    hypothesis = line.hypothesis.extended(added("wave", lambda v: np.sin(0.9 * v["order"]), 0.7))
-    return fit_hypothesis(hypothesis, np.append(line.prior_mean, 0.0), line.noise)
+def line_and_wave(make_line, added):
+    """A linear model with one effect about noise of some memory, at its mode."""
+
+    def make(phi: float):
+        line = make_line(phi=phi, seed=5)
+        hypothesis = line.hypothesis.extended(added("wave", lambda v: np.sin(0.9 * v["order"]), 0.7))
+        return fit_hypothesis(hypothesis, np.append(line.prior_mean, 0.0), line.noise)
+
+    return make
+
+
+@pytest.fixture(scope="module")
+def fitted(line_and_wave):
+    return line_and_wave(0.4)
+
+
+@pytest.fixture(scope="module")
+def forgetful(line_and_wave):
+    """About noise without a memory, so that a few samples can stand for all."""
+    return line_and_wave(0.0)
 
 
 def test_the_model_goes_where_its_conditional_mean_is(fitted) -> None:
@@ -49,14 +65,6 @@ def test_the_map_goes_both_ways_and_keeps_volumes(fitted, forgetful, one_by_one:
     broken = z[:2].copy()
     broken[1, 3] = np.inf
     assert coordinates.forward(broken)[2].tolist() == [True, False]
-
-
-@pytest.fixture(scope="module")
-def forgetful(make_line, added):
-    """The same about noise without a memory, so that a few samples can stand for all."""
-    line = make_line(phi=0.0, seed=5)
-    hypothesis = line.hypothesis.extended(added("wave", lambda v: np.sin(0.9 * v["order"]), 0.7))
-    return fit_hypothesis(hypothesis, np.append(line.prior_mean, 0.0), line.noise)
 
 
 def test_one_by_one_nothing_is_left_between_parameters(forgetful) -> None:
