@@ -8,6 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import pytest
 
 import sma_bayes
@@ -202,9 +203,11 @@ def test_explanations_are_told_apart(
     stated = json.loads((gap / "gap.json").read_text(encoding="utf-8"))
     assert document["rivals"][0]["first"] in {c["id"] for c in stated["candidates"]}
     for candidate in document["candidates"]:
-        for pair in candidate["pairs"]:
+        for pair, now in zip(candidate["pairs"], document["rivals"], strict=True):
             assert 0.0 <= pair["probability"] <= 1.0
-            assert pair["probability"] == pytest.approx(0.5 * (pair["if_first"] + pair["if_second"]))
+            odds = 1.0 if now["told_apart"] else np.exp(now["ln_bayes_factor"])
+            both = (odds * pair["if_first"] + pair["if_second"]) / (odds + 1.0)
+            assert pair["probability"] == pytest.approx(both)
     sure = [c["probability"] >= 0.8 for c in document["candidates"]]
     assert sure == sorted(sure, reverse=True)
     # of the same experiment, more cycles tell more

@@ -1,15 +1,16 @@
 """Which experiment tells rival explanations of a gap apart, and how surely.
 
-Two explanations A and B were fitted to the same measurements. New ones y, whitened by the noise, are expected about
-``m_A`` and ``m_B`` with covariances ``S = 1 + J C J'``: each explanation may still adapt, by its own posterior of
-covariance C. If A is true with parameters ``t``, the ln Bayes factor that y brings for A over B,
+Two explanations A and B were fitted to the same measurements, which give A a ln Bayes factor b over B. New ones y,
+whitened by the noise, are expected about ``m_A`` and ``m_B`` with covariances ``S = 1 + J C J'``: each explanation may
+still adapt, by its own posterior of covariance C. If A is true with parameters ``t``, the ln Bayes factor that y brings
+for A over B,
 
     ln BF = (r_B' S_B^-1 r_B - r_A' S_A^-1 r_A + ln|S_B| - ln|S_A|)/2,    r = y - m,
 
 is a quadratic form in the noise, nearly normal, and its mean and variance are known in closed form. Where both may
-adapt alike, mean and standard deviation are ``d**2/2`` and ``d`` with the separation d of the two, so that it reaches c
-with the probability ``Phi((d**2/2 - c)/d)``. Probabilities are averaged over draws of the parameters of the explanation
-that is true, and over both.
+adapt alike, mean and standard deviation are ``d**2/2`` and ``d`` with the separation d of the two, so that that of all
+measurements reaches c with the probability ``Phi((d**2/2 + b - c)/d)`` if A is true. Probabilities are averaged over
+draws of the parameters of the explanation that is true, and over both with the odds ``exp(b)`` that they have now.
 
 References
 ----------
@@ -25,7 +26,7 @@ from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
-from scipy.special import ndtr
+from scipy.special import expit, ndtr
 from scipy.stats.qmc import MultivariateNormalQMC
 
 from sma_bayes.arrays import Floats
@@ -187,22 +188,40 @@ def alone_with(hypothesis: Hypothesis, history: int, new: History) -> Hypothesis
     return replace(hypothesis, histories=(new,), layout=(hypothesis.layout[history],))
 
 
-def told_apart(first: Prospect, second: Prospect, threshold: float) -> dict[str, float]:
+def told_apart(first: Prospect, second: Prospect, threshold: float, known: float = 0.0) -> dict[str, float]:
     """How well two explanations are told apart by measurements of which they expect this and that.
+
+    Parameters
+    ----------
+    first, second : Prospect
+    threshold : float
+        Least ln Bayes factor of an explanation that is told apart.
+    known : float
+        That of the first over the second, from the measurements that there are.
 
     Returns
     -------
     dict
         ``separation``: root mean square over draws of both of ``d' S^-1 d``, d the distance from what the other expects
-        [sd of noise]. ``if_first``, ``if_second``: probability that ln Bayes factors reach the threshold for the
-        explanation that is true; ``probability``: of both in equal parts.
+        [sd of noise]. ``if_first``, ``if_second``: probability that ln Bayes factors of old and new measurements reach
+        the threshold for the explanation that is true; ``probability``: of both, as likely as they are now.
     """
     probability, squared = zip(
-        *(chances(a, b, threshold) for a, b in ((first, second), (second, first))), strict=True
+        *(
+            chances(truth, rival, threshold - there)
+            for truth, rival, there in ((first, second, known), (second, first, -known))
+        ),
+        strict=True,
     )
     apart = float(np.sqrt(np.mean([np.mean(s) for s in squared])))
     one, two = (float(np.mean(p)) for p in probability)
-    return {"separation": apart, "probability": 0.5 * (one + two), "if_first": one, "if_second": two}
+    first_is_true = float(expit(known))
+    return {
+        "separation": apart,
+        "probability": first_is_true * one + (1.0 - first_is_true) * two,
+        "if_first": one,
+        "if_second": two,
+    }
 
 
 def chances(truth: Prospect, rival: Prospect, threshold: float) -> tuple[Floats, Floats]:

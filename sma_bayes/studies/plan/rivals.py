@@ -63,6 +63,14 @@ class RivalExplanations:
         a, b = self.explanations[first].fitted, self.explanations[second].fitted
         return a.ln_evidence - b.ln_evidence
 
+    def told_apart(self, pair: tuple[int, int]) -> bool:
+        """Whether the measurements there are tell a pair apart."""
+        return abs(self.ln_bayes_factor(*pair)) >= THRESHOLD
+
+    def known(self, pair: tuple[int, int]) -> float:
+        """Ln Bayes factor that new measurements add to: none where a pair is told apart, which is to be told anew."""
+        return 0.0 if self.told_apart(pair) else self.ln_bayes_factor(*pair)
+
 
 def read_gap(folder: Path, data: Path | None = None) -> tuple[GapDocument, Campaign]:
     """A finished gap study and the campaign that it was made from, whose data are where `data` or the study says.

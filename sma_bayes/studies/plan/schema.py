@@ -59,8 +59,9 @@ class TellingApart(DocumentPart):
         description="expected separation of the two, what either may still adapt to taken out [sd of the noise]"
     )
     probability: Number = Field(
-        description="that ln Bayes factors of the new measurements reach the threshold for the true one, averaged "
-        "over both and their posteriors [1]"
+        description="that the ln Bayes factor of old and new measurements together (of new ones alone where they are "
+        "told apart already) reaches the threshold for the true one, averaged over both by their odds now, and over "
+        "their posteriors [1]"
     )
     if_first: Number = Field(description="the same if the first is true [1]")
     if_second: Number = Field(description="the same if the second is [1]")

@@ -80,7 +80,7 @@ def planned_apart(
         for n, candidate in enumerate(tried):
             work.tell(n, len(tried), "judging candidates")
             judged.append((candidate, discriminations(rivals, candidate)))
-    undecided = [i for i, pair in enumerate(rivals.pairs) if not _apart(rivals, pair)]
+    undecided = [i for i, pair in enumerate(rivals.pairs) if not rivals.told_apart(pair)]
     looked_at = undecided or list(range(len(rivals.pairs)))
 
     def likely(found: Sequence[TellingApart]) -> float:
@@ -106,7 +106,7 @@ def planned_apart(
                 first=rivals.explanations[a].name,
                 second=rivals.explanations[b].name,
                 ln_bayes_factor=rivals.ln_bayes_factor(a, b),
-                told_apart=_apart(rivals, (a, b)),
+                told_apart=rivals.told_apart((a, b)),
             )
             for a, b in rivals.pairs
         ),
@@ -132,7 +132,7 @@ def discriminations(rivals: RivalExplanations, candidate: CandidateExperiment) -
             TellingApart(
                 first=rivals.explanations[a].name,
                 second=rivals.explanations[b].name,
-                **told_apart(prospects[a], prospects[b], THRESHOLD),
+                **told_apart(prospects[a], prospects[b], THRESHOLD, rivals.known((a, b))),
             )
             for a, b in rivals.pairs
         ]
@@ -168,10 +168,6 @@ def without_needless(judged: Sequence[Judged], settings: Mapping[str, Setting]) 
             for other in usual.get(same(candidate), [])
         )
     ]
-
-
-def _apart(rivals: RivalExplanations, pair: tuple[int, int]) -> bool:
-    return abs(rivals.ln_bayes_factor(*pair)) >= THRESHOLD
 
 
 def _candidates(

@@ -39,6 +39,20 @@ def test_without_freedom_it_is_the_formula_of_two_points() -> None:
         assert found["probability"] == pytest.approx(norm.cdf((distance**2 / 2 - C) / distance))
 
 
+def test_what_is_known_counts_for_the_explanation_that_it_speaks_for() -> None:
+    rng = np.random.default_rng(0)
+    mean, known = np.zeros(N), 2.0
+    mean[0] = 2.0
+    pair = (_prospect(rng, np.zeros(N), np.zeros((N, 1))), _prospect(rng, mean, np.zeros((N, 1))))
+    found = told_apart(*pair, C, known)
+    assert found["if_first"] == pytest.approx(norm.cdf((2.0 + known - C) / 2.0))
+    assert found["if_second"] == pytest.approx(norm.cdf((2.0 - known - C) / 2.0))
+    odds = np.exp(known)
+    assert found["probability"] == pytest.approx(
+        (odds * found["if_first"] + found["if_second"]) / (odds + 1.0)
+    )
+
+
 def test_what_the_rival_can_adapt_to_is_no_separation() -> None:
     rng = np.random.default_rng(1)
     direction = np.zeros((N, 1))
