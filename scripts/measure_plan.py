@@ -4,6 +4,7 @@
     scripts/measure_plan.py sweeps displacement --repeats 24 --keep displacement.jsonl
     scripts/measure_plan.py apart GAP --trials 40
     scripts/measure_plan.py advised --springs 12 --trials 200
+    scripts/measure_plan.py foreign --springs 20 --keep foreign.jsonl
 
 `shrinkage`: truths are drawn from the posterior of a fit, sweeps of each simulated with its noise and joined with the
 old ones, and the posterior sampled anew. Expected and achieved variance, the squared error of the new mean, and how
@@ -16,6 +17,9 @@ every probability right. `advised`: the same of the experiments that `plan` puts
 prints, and of whole loops as they were measured for as many hours, at least one; of several simulated springs together,
 of which the measurements leave explanations open. Of others `plan` advises nothing; `--decided` takes what it puts
 first there. The score is divided into reliability, what is said wrongly, and refinement, what chance decides.
+`foreign`: the truth is none of the explanations. Three cycles are made of springs that change by the mechanisms of
+`foreign_mechanisms.py`, studied and planned for; the experiments that come first go on with the mechanism, and old and
+new measurements together tell the explanations apart, or not, the noise being estimated anew.
 
 References
 ----------
@@ -28,7 +32,7 @@ from __future__ import annotations
 import argparse
 import json
 import time
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from itertools import count
 from pathlib import Path
@@ -38,18 +42,20 @@ from typing import Any
 import numpy as np
 from calibration.curves import Curve, mean_of, ratio, two_steps
 from calibration.truths import POPULATION, TRUTHS, UNITS, Case, Design, seed_of
+from foreign_mechanisms import MECHANISMS, Size, displacement, measured_first
 from scipy.special import ndtri
 
 import sma_bayes
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.held_out import evaluated_on, missed_by, of_samples
+from sma_bayes.errors import MeasurementError
 from sma_bayes.fitting.curves import CurveDraws
 from sma_bayes.records.types import Branch, Campaign, Condition, Record
 from sma_bayes.runs.outputs import read_run
 from sma_bayes.runs.stored_draws import draws_of
 from sma_bayes.sampling.importance import importance_draws
 from sma_bayes.sampling.weighted import resampled
-from sma_bayes.studies.gap.fitting import FittedHypothesis, fit_hypothesis
+from sma_bayes.studies.gap.fitting import FittedHypothesis, fit_hypothesis, fit_with_noise
 from sma_bayes.studies.gap.noise import blocks_of
 from sma_bayes.studies.plan.apart import Explanation, Prospect, alone_with, chances, further, noise_there
 from sma_bayes.studies.plan.asked import TELL_APART, parse_asked
@@ -240,9 +246,10 @@ def trial(
         with_new(e.fitted, history, observed, candidate).ln_evidence - e.fitted.ln_evidence
         for e in (true, rival)
     ]
-    said = chances(Prospect.of(true, history, new), Prospect.of(rival, history, new), THRESHOLD)[0]
+    needed = THRESHOLD - rivals.known(pair)
+    said = chances(Prospect.of(true, history, new), Prospect.of(rival, history, new), needed)[0]
     name = f"{true.name or 'none'} against {rival.name or 'none'}"
-    return Trial(float(np.mean(said)), bool(gained[0] - gained[1] >= THRESHOLD), name)
+    return Trial(float(np.mean(said)), bool(gained[0] - gained[1] >= needed), name)
 
 
 def brier(trials: Sequence[Trial]) -> tuple[float, float]:
@@ -348,12 +355,66 @@ def gap_of_spring(number: int, folder: Path) -> Path:
                 change = (grown, 1.6 * grown * share, 0.02 * size * np.sqrt(clock))[number % 3]
                 x = 10.0 + 20.0 * share + change + noise * rng.standard_normal()
                 lines.append(f"{clock:g},{t:.4f},{x:.5g},{cycle}")
-    bench, out = folder / f"bench-{number}", folder / f"gap-{number}"
+    return gap_of(lines, folder / f"bench-{number}", folder / f"gap-{number}")
+
+
+def gap_of(lines: Sequence[str], bench: Path, out: Path) -> Path:
+    """A gap study of a campaign of one file."""
     bench.mkdir(parents=True)
     (bench / "a.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
     (bench / "campaign.toml").write_text('[[condition]]\nid = "a"\nfile = "a.csv"\n', encoding="utf-8")
     sma_bayes.study_gap(sma_bayes.read_campaign(bench), out, jobs=1, figures=False)
     return out
+
+
+def candidate_of(c: Mapping[str, Any]) -> CandidateExperiment:
+    """A candidate of a plan."""
+    return CandidateExperiment(
+        c["condition"], c["lowest"], c["peak"], c["rate"], c["load"], c["cycles"], c["samples"], 0.0
+    )
+
+
+def foreign_trials(mechanism: str, number: int, folder: Path, first: int) -> list[Trial]:
+    """What a plan puts first for a spring, carried out, for each pair of explanations that is open."""
+    rng = np.random.default_rng([78, list(MECHANISMS).index(mechanism), number])
+    size, old = Size.drawn(rng), measured_first()
+    x = displacement(mechanism, old, size) + size.noise * rng.standard_normal(old["time"].size)
+    rows = zip(old["time"], old["temperature"], x, old["cycle"], strict=True)
+    lines = [
+        "time_s,temperature_C,displacement_mm,cycle",
+        *(f"{t:g},{c:.4f},{d:.5g},{n:g}" for t, c, d, n in rows),
+    ]
+    name = f"{mechanism}-{number}"
+    out = gap_of(lines, folder / name, folder / f"{name}-gap")
+    try:
+        found = sma_bayes.plan(out, TELL_APART)
+    except MeasurementError:
+        return []  # nothing was named, and nothing came near
+    gap, campaign = read_gap(out)
+    rivals = fitted_rivals(gap, campaign, out / "priors.toml", 0)
+    trials = []
+    for c in found["candidates"][:first]:
+        for n, rival in enumerate(found["rivals"]):
+            if not rival["told_apart"]:
+                new = further(candidate_of(c), rivals.explanations[0].fitted.hypothesis.histories[0])
+                both = {k: np.concatenate([old[k], new.inputs[k]]) for k in old}
+                goes_on = displacement(mechanism, both, size)[old["time"].size :]
+                observed = 1e-3 * (goes_on + size.noise * rng.standard_normal(new.n))
+                apart = abs(ln_bayes_factor_of_all(rivals, rivals.pairs[n], candidate_of(c), observed))
+                pair = f"{mechanism}: {rival['first'] or 'none'} against {rival['second'] or 'none'}"
+                trials.append(Trial(c["pairs"][n]["probability"], apart >= THRESHOLD, pair))
+    return trials
+
+
+def ln_bayes_factor_of_all(
+    rivals: RivalExplanations, pair: tuple[int, int], candidate: CandidateExperiment, observed: Floats
+) -> float:
+    """Of the first of a pair over the second, from old and new measurements, under the noise that the better leaves."""
+    both = [with_new(rivals.explanations[i].fitted, 0, observed, candidate) for i in pair]
+    better = int(both[1].ln_evidence > both[0].ln_evidence)
+    best = fit_with_noise(both[better].hypothesis, both[better].z)
+    other = fit_hypothesis(both[1 - better].hypothesis, both[1 - better].z, best.noise)
+    return (best.ln_evidence - other.ln_evidence) * (-1.0 if better else 1.0)
 
 
 def carried_out(
@@ -375,9 +436,7 @@ def carried_out(
     advised, even = [], []
     for i in range(trials):
         c = found["candidates"][i % min(first, len(found["candidates"]))]
-        candidate = CandidateExperiment(
-            c["condition"], c["lowest"], c["peak"], c["rate"], c["load"], c["cycles"], c["samples"], 0.0
-        )
+        candidate = candidate_of(c)
         n = int(rng.choice(open_pairs))
         turned = bool(rng.uniform() < 0.5)
         pair = rivals.pairs[n][::-1] if turned else rivals.pairs[n]
@@ -433,6 +492,28 @@ def measure_advised(arguments: argparse.Namespace) -> None:
                 print(f"    said {low:.1f} to {low + 0.2:.1f}: {score_of(own)}")
         for pair in dict.fromkeys(t.pair for t in trials):
             print(f"    {pair}: {score_of([t for t in trials if t.pair == pair])}")
+
+
+def measure_foreign(arguments: argparse.Namespace) -> None:
+    found = kept(arguments.keep)
+    done = {(f["mechanism"], f["spring"]) for f in found}
+    with TemporaryDirectory() as place:
+        for number in range(arguments.springs):
+            for mechanism in arguments.mechanisms:
+                if (mechanism, number) not in done:
+                    trials = foreign_trials(mechanism, number, Path(place), arguments.first)
+                    found.append(
+                        {"mechanism": mechanism, "spring": number, "trials": [asdict(t) for t in trials]}
+                    )
+                    keep(arguments.keep, found[-1:])
+    for mechanism in arguments.mechanisms:
+        own = [[Trial(**t) for t in f["trials"]] for f in found if f["mechanism"] == mechanism]
+        trials = [t for spring in own for t in spring]
+        print(f"{mechanism}: {len(own)} springs, {sum(map(bool, own))} with open pairs")
+        for low, high in ((0.0, 0.8), (0.8, 1.1)):
+            some = [t for t in trials if low <= t.probability < high]
+            if some:
+                print(f"    said {low:.1f} and more: {score_of(some)}")
 
 
 def score_of(trials: Sequence[Trial]) -> str:
@@ -655,6 +736,12 @@ def main() -> None:
     )
     advised.add_argument("--keep", type=Path, help=KEPT)
     advised.set_defaults(measure=measure_advised)
+    foreign = kinds.add_parser("foreign")
+    foreign.add_argument("--mechanisms", nargs="+", choices=MECHANISMS, default=list(MECHANISMS))
+    foreign.add_argument("--springs", type=int, default=20)
+    foreign.add_argument("--first", type=int, default=3)
+    foreign.add_argument("--keep", type=Path, help=KEPT)
+    foreign.set_defaults(measure=measure_foreign)
     arguments = parser.parse_args()
     arguments.measure(arguments)
 
