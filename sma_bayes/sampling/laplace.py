@@ -7,9 +7,10 @@ begins, so that the first differences are of the right length: from a good start
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Generator, Sequence
 from dataclasses import dataclass
 from functools import cache
+from typing import TypeAlias, TypeVar
 
 import numpy as np
 
@@ -27,6 +28,10 @@ SD_TOLERANCE, GAIN_SD_TOLERANCE = 0.5, 0.05
 against its promise tells how much is left. On a bend the two may agree by chance."""
 NEGLIGIBLE_LOG_MASS = 20.0
 """A mode whose mass is lower than that of the best one by this power of e is left out."""
+
+_Result = TypeVar("_Result")
+_Asking: TypeAlias = Generator[Floats, Floats, _Result]
+"""What yields points (W, D) to be evaluated and is sent their log density (W,)."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -85,6 +90,44 @@ def find_mode(density: Density, start: Floats, width: Floats, *, steps: int = 40
     Mode or None
         None if the density is zero at the start.
     """
+    return find_modes(density, [start], width, steps=steps)[0]
+
+
+def find_modes(
+    density: Density, starts: Sequence[Floats], width: Floats, *, steps: int = 40
+) -> list[Mode | None]:
+    """Climb to the modes nearest to several starts, all at once: a batch has what each climb asks for next.
+
+    Parameters
+    ----------
+    density : Density
+    starts : sequence of ndarray, each of shape (D,)
+    width : ndarray, shape (D,)
+    steps : int
+        Of each climb; see `find_mode`.
+
+    Returns
+    -------
+    list of Mode or None
+        For each start; None where the density is zero there.
+    """
+    climbs = [_climb(density, start, width, steps) for start in starts]
+    modes: list[Mode | None] = [None] * len(climbs)
+    asked = {k: next(climb) for k, climb in enumerate(climbs)}
+    while asked:
+        ends = np.cumsum([len(points) for points in asked.values()])
+        values = np.split(density.log_prob(np.concatenate(list(asked.values()))), ends[:-1])
+        for k, value in zip(tuple(asked), values, strict=True):
+            try:
+                asked[k] = climbs[k].send(value)
+            except StopIteration as end:
+                modes[k] = end.value
+                del asked[k]
+    return modes
+
+
+def _climb(density: Density, start: Floats, width: Floats, steps: int) -> _Asking[Mode | None]:
+    """Climb to a mode: yields points (W, D), is sent their log density (W,), and returns the mode."""
     z = start.astype(float).copy()
     evaluations = 0
     linearised = linearised_at(density, z)
@@ -92,7 +135,7 @@ def find_mode(density: Density, start: Floats, width: Floats, *, steps: int = 40
     before, along = _spread(covariance, width)
     for _ in range(steps):
         axes = along * np.minimum(before, 1.0)
-        value, gradient, curvature, count = _differences(density, z, DIFFERENCE_STEP * axes)
+        value, gradient, curvature, count = yield from _differences(z, DIFFERENCE_STEP * axes)
         if not np.isfinite(value):  # at the start: no step goes where the density is zero
             return None
         gradient, curvature = gradient / DIFFERENCE_STEP, curvature / DIFFERENCE_STEP**2
@@ -102,7 +145,7 @@ def find_mode(density: Density, start: Floats, width: Floats, *, steps: int = 40
         covariance = root @ root.T
         slope = np.linalg.solve(axes, root).T @ gradient
         lengths = 0.5 ** np.arange(10)
-        trial = density.log_prob(z + lengths[:, None] * (root @ slope))
+        trial = yield z + lengths[:, None] * (root @ slope)
         evaluations += count + lengths.size
         best = int(np.argmax(trial))
         gain = max(float(trial[best]) - value, 0.0)
@@ -149,16 +192,17 @@ def _pairs(d: int) -> tuple[Ints, Ints]:
     return i, j
 
 
-def _differences(density: Density, z: Floats, axes: Floats) -> tuple[float, Floats, Floats, int]:
+def _differences(z: Floats, axes: Floats) -> _Asking[tuple[float, Floats, Floats, int]]:
     """Value, gradient and negative Hessian by central differences along axes (columns), and how many points it took.
 
-    The density counts as flat where it is zero, and throughout where it is zero at `z`.
+    Yields the points and is sent their log density. The density counts as flat where it is zero, and throughout where
+    it is zero at `z`.
     """
     d = z.size
     i, j = _pairs(d)
     single = axes.T
     pair = single[i] + single[j]
-    f = density.log_prob(np.concatenate([z[None], z + single, z - single, z + pair, z - pair]))
+    f = yield np.concatenate([z[None], z + single, z - single, z + pair, z - pair])
     value = float(f[0])
     f = np.where(np.isfinite(f), f, value if np.isfinite(value) else 0.0)
     up, down, both_up, both_down = np.split(f[1:], (d, 2 * d, 2 * d + i.size))

@@ -16,7 +16,14 @@ from sma_bayes.fitting.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.types import Record
-from sma_bayes.sampling.laplace import CLIMB_TOLERANCE, NEGLIGIBLE_LOG_MASS, Mode, distinct_modes, find_mode
+from sma_bayes.sampling.laplace import (
+    CLIMB_TOLERANCE,
+    NEGLIGIBLE_LOG_MASS,
+    Mode,
+    distinct_modes,
+    find_mode,
+    find_modes,
+)
 
 
 @dataclass
@@ -112,6 +119,31 @@ def test_an_edge_does_not_break_the_climb() -> None:
     assert mode is not None
     assert mode.z[0] > 0.0
     assert np.isfinite(mode.covariance).all()
+
+
+def test_climbs_at_once_are_those_of_each_start_alone() -> None:
+    """To rounding, in fewer calls; one begins where there is no density."""
+    calls = []
+
+    def log_prob(z: np.ndarray) -> np.ndarray:
+        calls.append(len(z))
+        inside = np.cos(3.0 * z).sum(axis=1) - 0.1 * (z**2).sum(axis=1)
+        return np.where(z[:, 0] < 5.0, inside, -np.inf)
+
+    starts = [np.array([0.4, -1.9]), np.array([6.0, 0.0]), np.array([3.5, 2.2])]
+    width = np.full(2, 2.0)
+    alone = [find_mode(Density(log_prob), start, width) for start in starts]
+    one_by_one, longest = len(calls), max(m.evaluations for m in alone if m is not None)
+    calls.clear()
+    together = find_modes(Density(log_prob), starts, width)
+    assert len(calls) < one_by_one
+    assert sum(calls) > longest
+    assert [m is None for m in together] == [m is None for m in alone] == [False, True, False]
+    for a, b in zip(together, alone, strict=True):
+        if a is not None and b is not None:
+            np.testing.assert_allclose(a.z, b.z, rtol=1e-9)
+            np.testing.assert_allclose(a.covariance, b.covariance, rtol=1e-9)
+            assert (a.log_prob, a.evaluations) == (pytest.approx(b.log_prob), b.evaluations)
 
 
 def test_the_climb_never_goes_down() -> None:
