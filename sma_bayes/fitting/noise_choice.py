@@ -39,12 +39,14 @@ from sma_bayes.parameters.priors_file import PriorSet
 from sma_bayes.parameters.scales import RecordScales
 from sma_bayes.parameters.space import ParameterSpace
 from sma_bayes.records.types import Record
-from sma_bayes.sampling.laplace import find_mode
+from sma_bayes.sampling.laplace import find_modes
 
 EVEN_STEP_TOLERANCE = 0.05
 """Relative spread of the time steps below which samples count as evenly spaced."""
 LEAST_STANDARD_ERRORS = 1.3
 """Standard errors from which a sign counts: one false sign in five, so that hardly any true one is overlooked."""
+GROWTH_STANDARD_ERRORS = 3.0
+"""Standard errors, as of noise without a memory, from which growth of the residuals counts though they may have one."""
 LEAST_LN_EVIDENCE_GAIN = 1.5
 """What a memory, heavy tails, and a discrepancy beside or instead of a memory must each gain in ln evidence."""
 LEAST_LN_EVIDENCE_GAIN_OF_VARIANCE = 2.0
@@ -233,9 +235,9 @@ def _best(residuals: _Residuals, noise: str | None, *, tails: bool) -> tuple[Noi
             look(name)
         best = max(names, key=lambda n: _worth(residuals, n))
         series_alone = max(look(n).supported for n in names if NOISE_MODELS[n].is_gaussian)
-        signs = residuals.signs_of_simplest.joined(residuals.signs(look(best)))
-        for suffix, sign in (("growing", signs.growth), ("temperature_error", signs.slope)):
-            if not sign or _sweeps_apart(residuals.bases):
+        errs = residuals.signs_of_simplest.joined(residuals.signs(look(best))).slope
+        for suffix, may in (("growing", residuals.may_grow(look(best))), ("temperature_error", errs)):
+            if not may or _sweeps_apart(residuals.bases):
                 continue
             series, *others = best.split("+")
             extended = "+".join([series, *others, suffix])
@@ -406,36 +408,41 @@ class _Signs:
 
     memory: bool = False
     tails: bool = False
-    growth: bool = False
     slope: bool = False
 
     def joined(self, other: _Signs) -> _Signs:
         """What either shows."""
-        return _Signs(
-            self.memory or other.memory,
-            self.tails or other.tails,
-            self.growth or other.growth,
-            self.slope or other.slope,
-        )
+        return _Signs(self.memory or other.memory, self.tails or other.tails, self.slope or other.slope)
 
     @staticmethod
-    def of(e: Floats, steps: Steps, response: Floats, slope: Floats, at: Bools) -> _Signs:
-        """Signs in one series (n,): neighbours alike, tails, squares that follow the response or the squared slope.
-
-        Memory and growth are sought in the readings `at` (n,).
-        """
+    def of(e: Floats, steps: Steps, slope: Floats, at: Bools) -> _Signs:
+        """Signs in one series (n,): neighbours alike in the readings `at` (n,), tails, sizes like the squared slope."""
         n, square = e.size, float(np.mean(e**2))
         if not (np.isfinite(square) and square > 0.0 and n > 3):
             return _Signs()
         spread, root = float(np.std(e)), np.sqrt(at.sum())
         kurtosis = float(np.mean(((e - e.mean()) / spread) ** 4)) - 3.0 if spread > 0.0 else 0.0
-        size = np.log(np.maximum(np.abs(e), 1e-3 * np.sqrt(square)))
         return _Signs(
             abs(float(lag1(np.where(at, e, 0.0), steps.first))) * root > LEAST_STANDARD_ERRORS,
             kurtosis > LEAST_STANDARD_ERRORS * float(np.sqrt(24.0 / n)),
-            abs(_correlation(size[at], response[at])) * root > LEAST_STANDARD_ERRORS,
-            _correlation(size, slope**2) * np.sqrt(n) > LEAST_STANDARD_ERRORS,
+            _correlation(_log_size(e), slope**2) * np.sqrt(n) > LEAST_STANDARD_ERRORS,
         )
+
+
+def _log_size(e: Floats) -> Floats:
+    """Logarithm of the size of a series (n,), which outliers hardly move."""
+    return np.asarray(np.log(np.maximum(np.abs(e), 1e-3 * np.sqrt(np.mean(e**2)))))
+
+
+def _following(e: Floats, x: Floats) -> float:
+    """How far the size of a series (n,) follows another, in standard errors.
+
+    By its squares, whose score that is where the noise is normal, or by its logarithm: whichever shows more.
+    """
+    square = float(np.mean(e**2)) if e.size else 0.0
+    if not (np.isfinite(square) and square > 0.0 and e.size > 3):
+        return 0.0
+    return max(abs(_correlation(y, x)) for y in (e**2, _log_size(e))) * float(np.sqrt(e.size))
 
 
 def _correlation(x: Floats, y: Floats) -> float:
@@ -512,11 +519,31 @@ class _Residuals:
         found = _Signs()
         for i, record in enumerate(self.posterior.records):
             for channel in record.channels:
-                steps, slope = self.steps(i, channel), self.slope[i][channel]
+                steps, slope, at = self.steps(i, channel), self.slope[i][channel], self.quiet[i][channel]
                 for e in (description.innovations[i][channel], self.residual[i][channel]):
-                    at = self.quiet[i][channel]
-                    found = found.joined(_Signs.of(e, steps, self.response(i, channel), slope, at))
+                    found = found.joined(_Signs.of(e, steps, slope, at))
         return found if not self.bent else replace(found, tails=False, slope=False)
+
+    def may_grow(self, description: _Description) -> bool:
+        """Whether noise that grows with the response may gain what it must.
+
+        Twice what is gained in ln likelihood is to first order the squared score in standard errors, of all channels
+        together, and the evidence gains less. That holds for the innovations of a description. What independent noise
+        leaves may have a memory, with which standard errors are greater, and has to show `GROWTH_STANDARD_ERRORS`.
+        """
+        squared = 0.0
+        for i, record in enumerate(self.posterior.records):
+            for channel in record.channels:
+                at = self.quiet[i][channel]  # in the others an error of the thermometer shows
+                response = self.response(i, channel)[at]
+                simplest = self.described(NOISE_MODELS[SIMPLEST]).innovations[i][channel]
+                if any(
+                    _following(e[at], response) > GROWTH_STANDARD_ERRORS
+                    for e in (simplest, self.residual[i][channel])
+                ):
+                    return True
+                squared += _following(description.innovations[i][channel][at], response) ** 2
+        return squared > 2.0 * LEAST_LN_EVIDENCE_GAIN_OF_VARIANCE
 
     def steps(self, i: int, channel: str) -> Steps:
         """How samples follow each other: none remembers a loud one, in which the error of the thermometer shows.
@@ -670,7 +697,8 @@ class _Residuals:
             self.slope[i][channel], self.moments[i].variance[channel], self.response(i, channel),
             CHANGE_SD_RANGES * span * np.sqrt(record.n),
         )  # fmt: skip
-        modes = [m for z in density.starts() if (m := find_mode(density, z, space.prior_sd())) is not None]
+        climbed = find_modes(density, density.starts(), space.prior_sd())
+        modes = [m for m in climbed if m is not None]
         if not modes:
             centre = space.constrain(space.prior_centre())
             return _FittedNoise(-np.inf, centre, 0.0, None, residual, longest_memory)
