@@ -23,7 +23,6 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
-from scipy.signal import lfilter
 from scipy.special import expit
 
 from sma_bayes.arrays import Floats
@@ -275,6 +274,8 @@ def logged(course: HeatingRamp, rng: np.random.Generator) -> LoggedRamp:
     The thermocouple follows with its lag, is off by what its calibration left, and each reading by something of its
     own. Load cell and laser have Gaussian noise with a memory, AR(1).
     """
+    from scipy.signal import lfilter  # takes long to import, and reports of measurements know this room, too
+
     rig, n = course.setup.rig, course.time.size
     keep = float(np.exp(-rig.interval / rig.lag))
     start = [keep * course.temperature[0]]
