@@ -208,7 +208,7 @@ def test_explanations_are_told_apart(
             odds = 1.0 if now["told_apart"] else np.exp(now["ln_bayes_factor"])
             both = (odds * pair["if_first"] + pair["if_second"]) / (odds + 1.0)
             assert pair["probability"] == pytest.approx(both)
-    sure = [c["probability"] >= 0.8 for c in document["candidates"]]
+    sure = [c["probability"] >= 0.95 for c in document["candidates"]]
     assert sure == sorted(sure, reverse=True)
     # of the same experiment, more cycles tell more
     longer = {

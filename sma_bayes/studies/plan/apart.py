@@ -94,8 +94,8 @@ def further(candidate: CandidateExperiment, like: History) -> History:
         "temperature": temperature,
         "branch": branch,
         "cycle": float(old["cycle"].max()) + 1.0 + count,
-        "segment": segment,
-        "stretch": np.zeros(temperature.size),
+        "segment": float(old["segment"].max()) + 1.0 + segment,
+        "stretch": np.full(temperature.size, float(old["stretch"].max()) + 1.0),
         "order": float(old["order"].max()) + 1.0 + np.arange(temperature.size, dtype=float),
     }
     if "cycle_of_all" in old:
@@ -114,6 +114,23 @@ def further(candidate: CandidateExperiment, like: History) -> History:
         observed={c: np.zeros(temperature.size) for c in like.observed},
         row=np.arange(temperature.size),
     )
+
+
+def gone_on(old: History, new: History) -> History:
+    """A history and what comes after it, as one: creep, lags and a drifting zero go on from where they were."""
+    return replace(
+        old,
+        inputs={name: np.concatenate([old.inputs[name], values]) for name, values in new.inputs.items()},
+        observed={c: np.concatenate([old.observed[c], values]) for c, values in new.observed.items()},
+        row=np.arange(old.n + new.n),
+    )
+
+
+def expected(hypothesis: Hypothesis, history: int, new: History, theta: Floats) -> dict[str, Floats]:
+    """Response of each channel (..., n) to what comes after a history, for parameters (..., P)."""
+    old = hypothesis.histories[history]
+    mu = hypothesis.predict(theta, history, gone_on(old, new).inputs)
+    return {channel: values[..., old.n :] for channel, values in mu.items()}
 
 
 def noise_there(
@@ -158,16 +175,16 @@ class Prospect:
     def of(explanation: Explanation, history: int, new: History) -> Prospect:
         """Of a history that goes on like one that was measured."""
         fitted = explanation.fitted
-        alone = alone_with(fitted.hypothesis, history, new)
-        blocks = blocks_of(alone)
+        hypothesis = fitted.hypothesis
+        blocks = blocks_of(alone_with(hypothesis, history, new))
         noise = noise_there(fitted, history, new, blocks)
 
         def predicted(z: Floats) -> Floats:
-            mu = alone.predict(alone.space.constrain(z), 0)
+            mu = expected(hypothesis, history, new, hypothesis.space.constrain(z))
             stacked = np.concatenate([mu[b.channel] for b in blocks], axis=-1)
             return whiten(blocks, noise, np.nan_to_num(stacked, nan=0.0, posinf=0.0, neginf=0.0))
 
-        h = DIFFERENCE_STEP * alone.space.prior_sd()
+        h = DIFFERENCE_STEP * hypothesis.space.prior_sd()
         moved = np.concatenate([fitted.z + np.diag(h), fitted.z - np.diag(h)])
         up, down = np.split(predicted(moved), 2)
         jacobian = ((up - down) / (2.0 * h[:, None])).T

@@ -72,7 +72,7 @@ class PlannedCandidate(DocumentPart):
 
     rank: int = Field(
         description="from 1, by what it tells per hour; where explanations are to be told apart, those that do with a "
-        "probability of 0.8 or more come first, the shortest at the top"
+        "probability of 0.95 or more come first, the shortest at the top, and then the likeliest"
     )
     name: str = Field(description="as declared; empty in a grid")
     condition: str = Field(description="id of the condition whose settings it has")

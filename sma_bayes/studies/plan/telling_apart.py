@@ -38,8 +38,12 @@ RATE_FACTORS: Final = (1.0 / 3.0, 1.0, 3.0)
 LOAD_FACTORS: Final = (1.0, 0.5, 2.0)
 PEAK_FACTORS: Final = (1.0, 0.7)
 CYCLES: Final = (1, 3, 10)
-LEAST_PROBABILITY: Final = 0.8
-"""Probability from which on a candidate counts as telling explanations apart; of these the shortest is the best."""
+LEAST_PROBABILITY: Final = 0.95
+"""Probability from which on a candidate counts as telling explanations apart; of these the shortest is the best.
+
+Were it right, the Brier score of such candidates is 0.05 at most."""
+PROBABILITY_STEP: Final = 0.02
+"""Candidates whose probabilities are less than that apart count as equally likely to tell, below it."""
 LEAST_PROBABILITY_GAIN: Final = 0.02
 """Least gain of probability for which it is worth going beyond what was measured."""
 MAX_CONDITIONS: Final = 3
@@ -138,11 +142,10 @@ def discriminations(rivals: RivalExplanations, candidate: CandidateExperiment) -
         ]
 
 
-def _place(candidate: CandidateExperiment, probability: float) -> tuple[bool, float, int]:
-    """Where a candidate stands in the ranking: those that are sure come first, the shortest of them at the top."""
-    if probability >= LEAST_PROBABILITY:
-        return False, candidate.hours, len(candidate.beyond)
-    return True, -probability / candidate.hours, len(candidate.beyond)
+def _place(candidate: CandidateExperiment, probability: float) -> tuple[float, float, int]:
+    """Where a candidate stands in the ranking: the sure ones first, the shortest at the top, then the likeliest."""
+    missing = max(LEAST_PROBABILITY - probability, 0.0)
+    return float(np.ceil(missing / PROBABILITY_STEP)), candidate.hours, len(candidate.beyond)
 
 
 def without_needless(judged: Sequence[Judged], settings: Mapping[str, Setting]) -> list[Judged]:

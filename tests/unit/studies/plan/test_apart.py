@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import sys
+from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -10,7 +11,13 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
 
-from sma_bayes.studies.plan.apart import DRAWS, Explanation, Prospect, chances, told_apart
+from sma_bayes.effects import EFFECTS
+from sma_bayes.parameters.priors_file import read_priors
+from sma_bayes.records.history import histories
+from sma_bayes.records.types import Campaign, Record
+from sma_bayes.studies.gap.hypothesis import baseline
+from sma_bayes.studies.plan.apart import DRAWS, Explanation, Prospect, chances, expected, further, told_apart
+from sma_bayes.studies.plan.candidates import CandidateExperiment
 
 sys.path.append(str(Path(__file__).resolve().parents[4] / "scripts"))
 from measure_plan import Divided, Trial, brier
@@ -37,6 +44,31 @@ def test_without_freedom_it_is_the_formula_of_two_points() -> None:
         found = told_apart(*pair, C)
         assert found["separation"] == pytest.approx(distance)
         assert found["probability"] == pytest.approx(norm.cdf((distance**2 / 2 - C) / distance))
+
+
+def test_what_comes_after_a_history_goes_on_from_where_that_ended(make_record: Callable[..., Record]) -> None:
+    """Strain that creep has left is not undone by a further measurement, nor is it counted twice."""
+    campaign = Campaign("c", "c", "0" * 64, (make_record(channels=("displacement",)),))
+    whole = histories(campaign)
+    plain = baseline(campaign, whole, read_priors("modified_sigmoid"), pooled=True)
+    creeping = plain.extended(EFFECTS["hot_creep"])
+    theta = creeping.space.constrain(np.zeros((1, len(creeping.space.parameters))))
+    for name, value in (("c", 1e-4), ("w", 10.0)):  # m/s at 100 degC, K
+        theta[:, creeping.space.index(f"hot_creep.{name}")] = value
+    old = whole[0]
+    lowest, peak = old.inputs["temperature"].min(), old.inputs["temperature"].max()
+    new = further(CandidateExperiment("c", lowest, peak, 0.5, None, 1, 20, 0.0), old)
+
+    def strain(applied: Mapping[str, np.ndarray]) -> np.ndarray:
+        rest = theta[:, [creeping.space.index(p.name) for p in plain.space.parameters]]
+        with_creep = creeping.predict(theta, 0, applied)["displacement"]
+        return np.asarray(with_creep - plain.predict(rest, 0, applied)["displacement"])[0]
+
+    before, alone = strain(old.inputs), strain(new.inputs)
+    rest = theta[:, [creeping.space.index(p.name) for p in plain.space.parameters]]
+    found = expected(creeping, 0, new, theta)["displacement"] - expected(plain, 0, new, rest)["displacement"]
+    assert before[-1] > 0.0
+    np.testing.assert_allclose(found[0], before[-1] + alone, rtol=1e-6)
 
 
 def test_what_is_known_counts_for_the_explanation_that_it_speaks_for() -> None:
