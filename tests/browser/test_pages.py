@@ -449,6 +449,22 @@ def test_no_row_of_a_table_is_printed_alone(tmp_path: Path) -> None:
     assert not [key for c in counts for key, n in c.items() if n == 1]
 
 
+def test_a_table_of_one_row_stays_where_a_figure_after_it_does_not_fit(tmp_path: Path) -> None:
+    """It went to the next page with the figure, and left half of its own empty."""
+    style = (resources.files("sma_bayes.report") / "templates" / "report.css").read_text(encoding="utf-8")
+    link = '<a href="https://example.org/{0}">{0}</a>'
+    page, out = tmp_path / "page.html", tmp_path / "page.pdf"
+    page.write_text(
+        f"<!DOCTYPE html><style>{style}</style><p>{link.format('text')}</p><div style='height: 120mm'></div>"
+        "<table><caption><span>one</span></caption><thead><tr><th>head</th></tr></thead>"
+        f"<tbody><tr><td>{link.format('row')}</td></tr></tbody></table>"
+        f"<figure><div style='height: 140mm'></div>{link.format('figure')}</figure>",
+        encoding="utf-8",
+    )
+    browser(f"--print-to-pdf={out}", page.as_uri())
+    assert linked_pages(out) == [{b"text", b"row"}, {b"figure"}]
+
+
 def test_rows_of_a_group_are_printed_under_its_name(tmp_path: Path) -> None:
     """Rows that went on over a page stood there without what they are of."""
     rows = tuple((f"group {g}", f"{g}-{r}") for g in range(30) for r in range(7))
