@@ -35,7 +35,7 @@ def show_diff(told: Mapping[str, Any]) -> None:
         for key, (a, b) in found.inputs.items():
             table.add_row(key.replace("_", " "), _short(a), _short(b))
         console.print(table)
-    other = list(dict.fromkeys(name for r in found.records for name in r.priors))
+    other = list(dict.fromkeys(_shown_name(name, r) for r in found.records for name in r.priors))
     if other:
         console.tell(f"other priors of {', '.join(other)}")
     elif not found.inputs:
@@ -136,7 +136,7 @@ def _show_record(console: Screen, r: ComparedRecords, found: DifferenceDocument)
     table = Table("", *map(numbers, ("a: median (90 %)", "b: median (90 %)", "b − a", "b − a [sd]")))
     for name, p in (*r.transformation.items(), *r.parameters.items()):
         if p.shift is None or abs(p.shift) > found.tolerance:
-            title = f"{name} [{unit_text(p.unit) or '1'}]"
+            title = f"{_shown_name(name, r)} [{unit_text(p.unit) or '1'}]"
             table.add_row(title, _interval(p.a), _interval(p.b), _apart(p), _sds(p.shift))
     for band in (band for band in r.bands.values() if band is not None):
         if band.shift is None or abs(band.shift) > found.tolerance:
@@ -145,6 +145,13 @@ def _show_record(console: Screen, r: ComparedRecords, found: DifferenceDocument)
             table.add_row(title, *medians, _signed(band.difference), _sds(band.shift))
     if table.row_count:
         console.print(table)
+
+
+def _shown_name(parameter: str, r: ComparedRecords) -> str:
+    """Name of a parameter, which begins with what its channel is called where it is one of the noise."""
+    channel, _, rest = parameter.partition("_")
+    band = r.bands.get(channel)
+    return parameter if band is None or not rest else f"{band.name}_{rest}"
 
 
 def _interval(p: ParameterOfRun | None) -> str:
