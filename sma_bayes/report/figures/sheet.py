@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import textwrap
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import partial
@@ -401,6 +402,20 @@ def abridged(text: str, longest: int = 34) -> str:
         return text
     half = (longest - 1) // 2
     return f"{text[:half]}…{text[-half:]}"
+
+
+def wrapped(text: str, letters: int, lines: int) -> str:
+    """Text in lines of so many letters, with its middle left out where it needs more lines.
+
+    Examples
+    --------
+    >>> wrapped("spring 2, load 150 g, second day", 18, 2).splitlines()
+    ['spring 2, load 150', 'g, second day']
+    """
+    longest = min(len(text), letters * lines)
+    while len(parts := textwrap.wrap(abridged(text, longest), letters)) > lines:
+        longest -= 1
+    return "\n".join(parts)
 
 
 def label_width(names: Iterable[str]) -> float:

@@ -29,6 +29,7 @@ from sma_bayes.report.figures.sheet import (
     power_of,
     save,
     take_power,
+    wrapped,
 )
 from sma_bayes.runs.outputs import StoredBand
 from sma_bayes.studies.fit.figures.campaign import (
@@ -380,6 +381,17 @@ def test_powers_of_ten_go_into_the_unit() -> None:
 def test_long_names_lose_their_middle() -> None:
     assert abridged("short") == "short"
     assert abridged("a" * 30 + "b" * 30, 21) == "a" * 10 + "…" + "b" * 10
+
+
+def test_long_names_are_in_lines_before_they_lose_their_middle() -> None:
+    name = "bench rig 7, spring 2, load 150 g, second day"
+    assert wrapped(name, 20, 3) == "bench rig 7, spring\n2, load 150 g,\nsecond day"
+    begin, end = wrapped(name, 20, 2).splitlines()
+    assert begin.startswith("bench rig 7,")
+    assert end.endswith("second day")
+    assert max(len(begin), len(end)) <= 20
+    assert wrapped("a" * 40 + "b" * 40, 20, 2) == "a" * 19 + "…\n" + "b" * 19
+    assert wrapped("short", 20, 2) == "short"
 
 
 def luminance(colour: np.ndarray) -> float:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import textwrap
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Final
 
@@ -25,7 +24,6 @@ from sma_bayes.report.figures.sheet import (
     WARNING,
     BranchData,
     Drawing,
-    abridged,
     as_columns,
     axis_label,
     dot_handle,
@@ -38,6 +36,7 @@ from sma_bayes.report.figures.sheet import (
     take_power,
     temperature_label,
     unconverged_note,
+    wrapped,
 )
 
 LOGARITHMIC_RATIO: Final = 300.0
@@ -151,7 +150,7 @@ def overview_figure(channel: str, conditions: Mapping[str, Sequence[BranchData]]
                 branch_on_axes(ax, branch, channel, small=True)
         shown = limits(ax, channel, branches, ("q05", "q95"))
         power = take_power(ax.yaxis)
-        name = "\n".join(textwrap.wrap(abridged(condition, 58), 30)[:2])
+        name = wrapped(condition, 30, 2)
         ax.set_title(f"{name}  [{in_units_of(power, found.unit)}]" if power else name, fontsize=7.5)
         if any(not b.content.converged for b in branches):
             remark(ax, "not converged", WARNING)

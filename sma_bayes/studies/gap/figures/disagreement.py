@@ -26,6 +26,7 @@ from sma_bayes.report.figures.sheet import (
     in_units_of,
     panels,
     take_power,
+    wrapped,
 )
 from sma_bayes.report.notation import unit_label
 from sma_bayes.studies.gap.outputs import Mask, Samples, StoredStudy
@@ -40,6 +41,10 @@ BINS: Final = 24
 """Temperatures of a map."""
 LEAST_RANGE, GREATEST_RANGE = 3.0, 10.0
 """Ends of the colours of a map, at least and at most [standard errors]."""
+LABEL_LETTERS: Final = 28
+"""Letters of a line of a map's labels."""
+LINE_HEIGHT: Final = 0.14
+"""Height of such a line [inch]."""
 COLUMNS: Final = 3
 COUNTED_COVARIATES: Final = frozenset({"order", "cycle"})
 """Covariates that are counted, which have no unit."""
@@ -76,7 +81,8 @@ def residual_maps(study: StoredStudy) -> Drawing:
     limit = _colour_range(np.concatenate([cells[k].ravel() for k in cells if k[2] == "before"]))
     count = len(branches) * len(states)
     tall = float(np.clip(0.17 * len(rows), 1.1, 3.4))
-    left = 0.55 + 0.065 * max(len(name) for name, _ in _row_labels(rows))
+    labels = _row_labels(rows, tall)
+    left = 0.55 + 0.065 * max(len(line) for name, _ in labels for line in name.splitlines())
     height = 1.3 + len(channels) * (tall + 0.4)
     figure = empty_sheet(left + 0.15 + max(2.0, 1.9 if count > 2 else 2.6) * count, height)
     axes = panels(figure, len(channels), count, left=left, bottom=1.0, top=0.3, gap_x=0.14, gap_y=0.4)
@@ -90,7 +96,7 @@ def residual_maps(study: StoredStudy) -> Drawing:
             ax.invert_yaxis()
             ax.set_title(f"{branch}, {state}" if len(states) > 1 else branch)
             ax.xaxis.set_major_locator(few_ticks(4))
-            _label_rows(ax, rows, shown=ax is line[0])
+            _label_rows(ax, rows, labels if ax is line[0] else ())
             ax.tick_params(axis="y", length=0)
             if place == len(channels):
                 ax.set_xlabel(f"temperature T [{unit_label(study.part.units['temperature'])}]")
@@ -158,22 +164,23 @@ def _map(some: Samples, column: str, rows: Sequence[tuple[str, int]], edges: Flo
     return out
 
 
-def _row_labels(rows: Sequence[tuple[str, int]]) -> list[tuple[str, float]]:
-    """Labels of rows with their places: conditions, or the cycles of the only one; not more than there is room for."""
+def _row_labels(rows: Sequence[tuple[str, int]], tall: float) -> list[tuple[str, float]]:
+    """Labels of rows with their places: conditions, or the cycles of the only one; not more than there is room for.
+
+    Long names are in as many lines as there is room for in a map `tall` inches high.
+    """
     conditions = list(dict.fromkeys(c for c, _ in rows))
-    if len(conditions) == 1:
+    if len(conditions) == 1 and len(rows) > 1:
         step = math.ceil(len(rows) / 12)
-        return [
-            (f"cycle {n}" if len(rows) > 1 else abridged(c, 18), i + 0.5) for i, (c, n) in enumerate(rows)
-        ][::step]
+        return [(f"cycle {n}", i + 0.5) for i, (_, n) in enumerate(rows)][::step]
     middle = {c: float(np.mean([i for i, r in enumerate(rows) if r[0] == c])) + 0.5 for c in conditions}
     step = math.ceil(len(conditions) / 20)
-    return [(abridged(c, 18), y) for c, y in middle.items()][::step]
+    lines = int(np.clip(tall * step / len(conditions) / LINE_HEIGHT, 1, 3))
+    return [(wrapped(c, LABEL_LETTERS, lines), y) for c, y in middle.items()][::step]
 
 
-def _label_rows(ax: Axes, rows: Sequence[tuple[str, int]], *, shown: bool) -> None:
-    labels = _row_labels(rows)
-    ax.set_yticks([y for _, y in labels], [name for name, _ in labels] if shown else [])
+def _label_rows(ax: Axes, rows: Sequence[tuple[str, int]], labels: Sequence[tuple[str, float]]) -> None:
+    ax.set_yticks([y for _, y in labels], [name for name, _ in labels])
     for i in range(1, len(rows)):
         if rows[i][0] != rows[i - 1][0]:
             ax.axhline(i, color="white", lw=1.2)

@@ -188,3 +188,12 @@ def test_an_effect_is_headed_by_what_it_is() -> None:
     title = "load raises the transformation temperatures"
     assert missing._headed(title, 4.6) == ["Load raises the transformation temperatures"]
     assert missing._headed(title, 3.0) == ["Load raises the transformation", "temperatures"]
+
+
+def test_a_map_tells_conditions_by_their_whole_names_where_there_is_room() -> None:
+    long = "NiTiHf rod 3, as aged, 100 MPa, second day of the run"
+    few = disagreement._row_labels([(long, 1), ("300 MPa", 1)], 1.1)
+    assert [(name.replace("\n", " "), at) for name, at in few] == [(long, 0.5), ("300 MPa", 1.5)]
+    many = disagreement._row_labels([(f"{n}: {long}", 1) for n in range(20)], 3.4)
+    assert len({name for name, _ in many}) == 20
+    assert all("\n" not in name for name, _ in many), "lines of neighbours would touch"
