@@ -55,6 +55,10 @@ ALLOWED_LN_EVIDENCE_LOSS = 2.0
 """ln evidence that the more careful reading must lack to be dropped: a discrepancy beside noise without a memory, since
 a misfit that a record hardly shows takes starts and finishes out of intervals that don't know of it; and a memory
 beside a discrepancy, since one sweep hardly tells it from what the discrepancy does not resolve."""
+ALLOWED_LN_EVIDENCE_LOSS_WITH_TEMPERATURE_ERROR = 1.0
+"""ln evidence that an error of the thermometer beside a discrepancy must lack to be dropped. Few readings lie in a
+transformation, and a discrepancy follows what they scatter if nothing else is there for it; where readings tell that
+it is not there it lacks 1.2 to 8."""
 CHANGE_SD_RANGES = 10.0
 """Standard deviation, in ranges of the channel, of what a change of the parameters may do to the curve."""
 BASIS_GRID_POINTS = 2001
@@ -131,20 +135,23 @@ def choose_noise(
     thing (`LEAST_STANDARD_ERRORS`), and taken where they gain `LEAST_LN_EVIDENCE_GAIN`, or
     `LEAST_LN_EVIDENCE_GAIN_OF_VARIANCE`, over what is simpler; beside growth or an error of the thermometer only what
     still earns its place stays, but for a memory beside a discrepancy, which stays unless it lacks
-    `ALLOWED_LN_EVIDENCE_LOSS`. Discrepancies are taken where the evidence of all channels together is greater with
-    them: by `LEAST_LN_EVIDENCE_GAIN` beside a memory, which a smooth misfit resembles, and beside normal noise without
-    one also where it is less by no more than `allowed_loss`. They are taken together: force and displacement are of one
+    `ALLOWED_LN_EVIDENCE_LOSS`, and an error of the thermometer beside normal noise with a discrepancy, which is
+    looked at without a sign of it and stays unless it lacks `ALLOWED_LN_EVIDENCE_LOSS_WITH_TEMPERATURE_ERROR`.
+    Discrepancies are taken where the evidence of all channels together is greater with them: by
+    `LEAST_LN_EVIDENCE_GAIN` beside a memory, which a smooth misfit resembles, and beside normal noise without one
+    also where it is less by no more than `allowed_loss`. They are taken together: force and displacement are of one
     specimen, and where the curve fails in one of them the other, in more noise, is no better known. Before another
     series a discrepancy counts as a memory does. Heavy tails are not taken beside a discrepancy: under them what a
-    smooth function does not resolve passes for outliers, and the curve for better known than it is. So they are looked
-    at without one, and taken where that describes the residuals better than normal noise with or without a discrepancy,
-    unless a discrepancy beside them would gain more still. Where records have several sweeps all of this is done once
-    more with what each sweep has of its own beside the discrepancy, which is taken where it gains
-    `LEAST_LN_EVIDENCE_GAIN`. Heavy tails, growth and an error of the thermometer take no part in that, on neither side.
-    Under heavy tails the readings of a sweep that differs pass for outliers, or those of the others do, and each way is
-    a mode that Laplace's method does not see beyond. The others follow the common curve, would tell where it lies by
-    how the noise of sweeps changes that lie elsewhere, and sweeps that are shifted scatter most where the curve is
-    steep, which is what an error of the thermometer does to readings.
+    smooth function does not resolve passes for outliers, and the curve for better known than it is. So they are
+    looked at without one, and taken where that describes the residuals better than normal noise with or without a
+    discrepancy, unless a discrepancy beside them would gain more still.
+    Where records have several sweeps all of this is done once more with what each sweep has of its own beside the
+    discrepancy, which is taken where it gains `LEAST_LN_EVIDENCE_GAIN`. Heavy tails, growth and an error of the
+    thermometer take no part in that, on neither side. Under heavy tails the readings of a sweep that differs pass
+    for outliers, or those of the others do, and each way is a mode that Laplace's method does not see beyond. The
+    others follow the common curve, would tell where it lies by how the noise of sweeps changes that lie elsewhere,
+    and sweeps that are shifted scatter most where the curve is steep, which is what an error of the thermometer
+    does to readings.
 
     Parameters
     ----------
@@ -253,6 +260,9 @@ def _best(residuals: _Residuals, noise: str | None, *, tails: bool) -> tuple[Noi
             enough = max(look(best).ln_evidence, look(best).supported) - ALLOWED_LN_EVIDENCE_LOSS
             allowed = (n for n in _with_memory(best) if any(look(n).bases) and look(n).ln_evidence > enough)
             best = next(allowed, best)
+            declared = any(r.temperature_sd > 0.0 for r in posterior.records)
+            if not (declared or "temperature_error" in best or _sweeps_apart(residuals.bases)):
+                best = _with_temperature_error(best, look)
     chosen = found[best]
     top = max(d.ln_evidence for d in found.values())
     rivals = {name: d.ln_evidence - top for name, d in found.items() if np.isfinite(d.ln_evidence)} or {
@@ -307,6 +317,26 @@ def _with_memory(name: str) -> list[str]:
         and not (other.stands_alone or other.needs_time)
         and other.is_gaussian == model.is_gaussian
     ]
+
+
+def _with_temperature_error(name: str, look: Callable[[str], _Description]) -> str:
+    """A noise model beside a discrepancy, with an error of the thermometer unless the evidence is against it.
+
+    Growth goes where the error makes it needless. A noise model with heavy tails is returned as it is.
+    """
+    if not NOISE_MODELS[name].is_gaussian:
+        return name
+    enough = (
+        max(look(name).ln_evidence, look(name).supported) - ALLOWED_LN_EVIDENCE_LOSS_WITH_TEMPERATURE_ERROR
+    )
+    series, *_ = name.split("+")
+    margins = {
+        f"{series}+temperature_error": LEAST_LN_EVIDENCE_GAIN_OF_VARIANCE,
+        f"{name}+temperature_error": 0.0,
+    }
+    felt = {n: look(n) for n in margins}
+    allowed = [n for n, d in felt.items() if any(d.bases) and d.ln_evidence > enough]
+    return max(allowed, key=lambda n: felt[n].ln_evidence + margins[n], default=name)
 
 
 def _without_what_is_not_needed(name: str, series: Sequence[str], supported: Callable[[str], float]) -> str:
@@ -367,7 +397,25 @@ def _reason(
             and rivals[name] - others[0][0] < LEAST_LN_EVIDENCE_GAIN
         ):
             parts.append("beside it a memory stays unless the evidence is against it")
+        if name.endswith("+temperature_error") and gained_by_temperature_error(name, rivals) < (
+            LEAST_LN_EVIDENCE_GAIN_OF_VARIANCE
+        ):
+            parts.append("beside it an error of the thermometer stays unless the evidence is against it")
     return f"{title}: {'; '.join(parts)}"
+
+
+def gained_by_temperature_error(name: str, ln_evidence: Mapping[str, float | None]) -> float:
+    """What a noise model with an error of the thermometer gains in ln evidence over the best that knows of none.
+
+    Parameters
+    ----------
+    name : str
+        Of the noise model.
+    ln_evidence : mapping of str to float or None
+        As in `NoiseChoice`. Where none without the error was looked at the gain is infinite.
+    """
+    others = [v for n, v in ln_evidence.items() if v is not None and not n.endswith("+temperature_error")]
+    return (ln_evidence.get(name) or 0.0) - max(others, default=-np.inf)
 
 
 def _gained(gain: Mapping[str, float], quantity: Callable[[str], str]) -> str:

@@ -12,6 +12,7 @@ from rich.table import Table
 
 from sma_bayes.assess.adequacy import remedy
 from sma_bayes.errors import first_of, many
+from sma_bayes.fitting.noise_choice import LEAST_LN_EVIDENCE_GAIN_OF_VARIANCE, gained_by_temperature_error
 from sma_bayes.quantities import unit_text
 from sma_bayes.records.plausibility import DOUBTS
 from sma_bayes.report.choice import CAMPAIGN_REPORT_ABOVE
@@ -160,7 +161,13 @@ def adequacy_sentences(records: Sequence[RecordSummary], options: OptionsSummary
 
 def thermometer_sentences(records: Sequence[RecordSummary]) -> list[str]:
     """What to say where the scatter follows the slope of the curve, as an error of the thermometer makes it."""
-    seen = [r for r in records if r.noise.name.endswith("+temperature_error")]
+    seen = [
+        r
+        for r in records
+        if r.noise.name.endswith("+temperature_error")
+        and gained_by_temperature_error(r.noise.name, r.noise.ln_evidence)
+        >= LEAST_LN_EVIDENCE_GAIN_OF_VARIANCE
+    ]
     if not seen:
         return []
     estimated = [r.parameters["temperature_sd"] for r in seen]

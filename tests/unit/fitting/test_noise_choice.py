@@ -16,6 +16,7 @@ from sma_bayes.fitting.noise_choice import (
     MAX_MEMORY_SAMPLES,
     NoiseChoice,
     choose_noise,
+    gained_by_temperature_error,
     noise_start,
     posterior_with,
 )
@@ -189,6 +190,33 @@ def test_a_memory_beside_a_discrepancy_is_dropped_where_the_evidence_is_against_
     choice = choice_for(record)
     assert choice.name == "independent"
     assert choice.bases[0]
+
+
+@pytest.mark.parametrize(("allowed", "stays"), [(-100.0, False), (100.0, True)])
+def test_an_error_of_the_thermometer_stays_beside_a_discrepancy_unless_the_evidence_is_against_it(
+    make_record: Callable[..., Record], monkeypatch: pytest.MonkeyPatch, allowed: float, *, stays: bool
+) -> None:
+    """Of white noise about a curve that fails; without a misfit it must be earned, whatever is allowed."""
+    monkeypatch.setattr(noise_choice, "ALLOWED_LN_EVIDENCE_LOSS_WITH_TEMPERATURE_ERROR", allowed)
+    choice = choice_for(with_a_second_step(make_record(("force",), n=80, noise=0.004)))
+    assert choice.bases[0]
+    assert choice.name.endswith("+temperature_error") == stays
+    assert ("an error of the thermometer stays" in choice.reason) == stays
+    if stays:
+        assert gained_by_temperature_error(choice.name, choice.ln_evidence) < 2.0
+    plain = choice_for(make_record(("force",), n=80, noise=0.004))
+    assert not plain.bases[0]
+    assert not plain.name.endswith("+temperature_error")
+
+
+def test_no_error_of_the_thermometer_is_estimated_beside_a_declared_one(
+    make_record: Callable[..., Record], monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(noise_choice, "ALLOWED_LN_EVIDENCE_LOSS_WITH_TEMPERATURE_ERROR", 100.0)
+    record = replace(with_a_second_step(make_record(("force",), n=80, noise=0.004)), temperature_sd=0.1)
+    choice = choice_for(record)
+    assert choice.bases[0]
+    assert not choice.name.endswith("+temperature_error")
 
 
 def in_bursts(record: Record, seed: int) -> Record:
