@@ -166,8 +166,9 @@ def choose_noise(
     sweeps : bool
         Whether what sweeps have of their own is considered.
     allowed_loss : float
-        ln evidence that a discrepancy beside normal noise without a memory may lack and still be taken. None where the
-        noise is not chosen, nor where an error of the thermometer was declared, which is integrated out better without.
+        ln evidence that a discrepancy beside normal noise without a memory may lack and still be taken; where it may
+        lack none, neither may an error of the thermometer beside a discrepancy. None where the noise is not chosen, nor
+        where an error of the thermometer was declared, which is integrated out better without.
     """
     if noise is not None or any(r.temperature_sd > 0.0 for r in posterior.records):
         allowed_loss = 0.0
@@ -260,8 +261,8 @@ def _best(residuals: _Residuals, noise: str | None, *, tails: bool) -> tuple[Noi
             enough = max(look(best).ln_evidence, look(best).supported) - ALLOWED_LN_EVIDENCE_LOSS
             allowed = (n for n in _with_memory(best) if any(look(n).bases) and look(n).ln_evidence > enough)
             best = next(allowed, best)
-            declared = any(r.temperature_sd > 0.0 for r in posterior.records)
-            if not (declared or "temperature_error" in best or _sweeps_apart(residuals.bases)):
+            careful = residuals.allowed_loss > 0.0
+            if careful and "temperature_error" not in best and not _sweeps_apart(residuals.bases):
                 best = _with_temperature_error(best, look)
     chosen = found[best]
     top = max(d.ln_evidence for d in found.values())
