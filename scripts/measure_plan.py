@@ -43,7 +43,7 @@ import numpy as np
 from calibration.curves import Curve, mean_of, ratio, two_steps
 from calibration.truths import POPULATION, TRUTHS, UNITS, Case, Design, seed_of
 from foreign_mechanisms import MECHANISMS, Size, displacement, measured_first
-from scipy.special import ndtri
+from scipy.special import expit, ndtri
 
 import sma_bayes
 from sma_bayes.arrays import Floats
@@ -443,8 +443,8 @@ def carried_out(
 ) -> tuple[list[Trial], list[Trial]]:
     """Experiments that a plan puts first, and whole loops as they were measured, about pairs that are still open.
 
-    Both have the same truths, as far as chance goes the same seeds. None where no pair is open, of which a plan advises
-    nothing; or, where `decided`, of all pairs then.
+    Truths are drawn by the odds that they have; both have the same, as far as chance goes the same seeds. None where no
+    pair is open, of which a plan advises nothing; or, where `decided`, of all pairs then.
     """
     gap, campaign = read_gap(folder, data)
     found = sma_bayes.plan(folder, TELL_APART, data=data)
@@ -459,7 +459,7 @@ def carried_out(
         c = found["candidates"][i % min(first, len(found["candidates"]))]
         candidate = candidate_of(c)
         n = int(rng.choice(open_pairs))
-        turned = bool(rng.uniform() < 0.5)
+        turned = bool(rng.uniform() >= expit(rivals.known(rivals.pairs[n])))
         pair = rivals.pairs[n][::-1] if turned else rivals.pairs[n]
         side = "if_second" if turned else "if_first"
         one = trial(rivals, pair, candidate, 5000 + i)

@@ -37,7 +37,7 @@ from sma_bayes.studies.run_context import RunContext
 RATE_FACTORS: Final = (1.0 / 3.0, 1.0, 3.0)
 LOAD_FACTORS: Final = (1.0, 0.5, 2.0)
 PEAK_FACTORS: Final = (1.0, 0.7)
-CYCLES: Final = (1, 3, 10)
+CYCLES: Final = (1, 3, 10, 30)
 LEAST_PROBABILITY: Final = 0.95
 """Probability from which on a candidate counts as telling explanations apart; of these the shortest is the best.
 
