@@ -2,6 +2,7 @@
 
 python scripts/measure_watch.py files [--springs 100] [--cycles 100] [--out docs/data/watch.csv]
 python scripts/measure_watch.py series [--springs 20] [--cycles 500] [--fitted 4] [--seed 0]
+python scripts/measure_watch.py real FOLDER [--series 3] [--cycles 20] [--out docs/data/watch_real.csv]
 
 Springs and faults are those of `tests/watched_spring.py`. Each spring is fitted by its first cycles; quiet ones follow.
 A fault then begins after five more quiet cycles. `p_value` of the quiet ones is the least alpha with an alarm at any
@@ -12,6 +13,10 @@ the published curve, and grains with skewed temperatures, noise with a memory an
 of the faults. Rows that the table holds are not made again; what is said of all is printed.
 
 `series` reads many cycles at once, without the verb, so that series may be long: grains alone, each with every fault.
+
+`real` puts series together of real cycles: the last three of a wire that trained in seven (FOLDER holds
+`isobaric_7cycle.txt`). Each further cycle is one of them, drawn at random, with the residuals about its smoothed
+readings put back from another place. Faults are planted in the readings.
 """
 
 from __future__ import annotations
@@ -20,14 +25,17 @@ import argparse
 import csv
 import importlib.util
 import sys
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, replace
+from itertools import pairwise
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from types import ModuleType
 from typing import Any, Final
 
 import numpy as np
+from scipy.interpolate import make_smoothing_spline
 
 import sma_bayes
 from sma_bayes.records.campaign import read_campaign
@@ -97,15 +105,7 @@ def rows_of(spring: Any, number: int, cycles: int) -> Iterator[dict[str, Any]]:
         for name, read in watched.items():
             files = [spring.write(folder / name / f"{n:03}.csv", [cycle]) for n, cycle in enumerate(read, 1)]
             found = sma_bayes.watch(folder / "fit", files, alpha=ALPHA)
-            yield {
-                "spring": number,
-                "kind": kind,
-                "fault": name,
-                "cycles": len(found["cycles"]),
-                "p_value": f"{found['p_value']:.4g}",
-                "alarm": (found["alarm"] or {}).get("cycle", ""),
-                "named": "/".join(cause["id"] for cause in found["change"]["causes"]),
-            }
+            yield row_of(number, kind, name, found)
 
 
 def rows_of_series(
@@ -213,6 +213,107 @@ def measure_files(springs: int, cycles: int, out: Path) -> None:
     told(rows)
 
 
+@dataclass(frozen=True, eq=False)
+class RealCycle:
+    """A cycle of the wire, smoothed: temperature [degC], displacement [mm], and what the readings are off by [mm]."""
+
+    temperature: np.ndarray
+    displacement: np.ndarray
+    residual: np.ndarray
+
+    @staticmethod
+    def of(time: np.ndarray, temperature: np.ndarray, displacement: np.ndarray) -> RealCycle:
+        smooth = make_smoothing_spline(time, displacement)(time)
+        return RealCycle(temperature, smooth, displacement - smooth)
+
+    def again(self, rng: np.random.Generator) -> dict[str, np.ndarray]:
+        """The cycle once more, its residuals moved along it."""
+        moved = np.roll(self.residual, int(rng.integers(self.residual.size))) * rng.choice((-1.0, 1.0))
+        return {"temperature": self.temperature, "displacement": self.displacement + moved}
+
+
+def real_cycles(folder: Path) -> list[RealCycle]:
+    """The last three of seven."""
+    found = []
+    for line in (folder / "isobaric_7cycle.txt").read_text(encoding="utf-8").splitlines():
+        with suppress(ValueError):
+            found.append([float(cell) for cell in line.strip('"').split(",")])
+    hours, _, _, temperature, displacement, _ = np.array([row for row in found if len(row) == 6]).T
+    good = temperature != 0.0  # drop-outs of the thermometer
+    cycles = []
+    for low, high in pairwise(REAL_ENDS):
+        own = good & (hours > low) & (hours <= high)
+        cycles.append(RealCycle.of(hours[own], temperature[own], displacement[own]))
+    return cycles
+
+
+def written(path: Path, cycles: Sequence[Mapping[str, np.ndarray]]) -> Path:
+    """Cycles as a file, a reading each half minute."""
+    path.parent.mkdir(parents=True, exist_ok=True)
+    rows = np.concatenate([np.column_stack([c["temperature"], c["displacement"]]) for c in cycles])
+    lines = [f"{30.0 * n:g},{t:.2f},{x:.3f}" for n, (t, x) in enumerate(rows)]
+    path.write_text("\n".join(["time_s,temperature_C,displacement_mm", *lines]) + "\n", encoding="utf-8")
+    return path
+
+
+REAL_ENDS: Final = (3.286, 4.059, 4.841, 6.0)
+"""Hours at which cycles of the wire begin and end, at the hot end."""
+AMBIENT: Final = 22.0
+REAL_FAULTS: Final[dict[str, Callable[[np.ndarray, np.ndarray], tuple[np.ndarray, np.ndarray]]]] = {
+    QUIET: lambda t, x: (t, x),
+    "zero": lambda t, x: (t, x + 1.0),
+    "worn": lambda t, x: (t, x.max() - 0.9 * (x.max() - x)),
+    "scale": lambda t, x: (t, 0.9 * x),
+    "moved": lambda t, x: (t + 3.0, x),
+    "loose": lambda t, x: (t - 0.06 * (t - AMBIENT), x),
+}
+"""Temperature and displacement with a fault."""
+
+
+def rows_of_real(cycles: Sequence[RealCycle], number: int, count: int) -> Iterator[dict[str, Any]]:
+    """A fit of six, each twice, and watches of series with and without faults, each cycle a file."""
+    rng = np.random.default_rng([21, number])
+    with TemporaryDirectory() as place:
+        folder = Path(place)
+        written(folder / "bench" / "a.csv", [c.again(rng) for c in (*cycles, *cycles)])
+        sma_bayes.fit_campaign(
+            sma_bayes.read_campaign(folder / "bench" / "a.csv"), folder / "fit", jobs=1, figures="none"
+        )
+        for name, fault in REAL_FAULTS.items():
+            files = []
+            for n in range(1, count + 1):
+                read = cycles[int(rng.integers(len(cycles)))].again(rng)
+                if n > QUIET_BEFORE:
+                    t, x = fault(read["temperature"], read["displacement"])
+                    read = {"temperature": t, "displacement": x}
+                files.append(written(folder / name / f"{n:03}.csv", [read]))
+            yield row_of(number, "real", name, sma_bayes.watch(folder / "fit", files, alpha=ALPHA))
+
+
+def row_of(number: int, kind: str, fault: str, found: Mapping[str, Any]) -> dict[str, Any]:
+    """What a watch found, as a row."""
+    return {
+        "spring": number,
+        "kind": kind,
+        "fault": fault,
+        "cycles": len(found["cycles"]),
+        "p_value": f"{found['p_value']:.4g}",
+        "alarm": (found["alarm"] or {}).get("cycle", ""),
+        "named": "/".join(cause["id"] for cause in found["change"]["causes"]),
+    }
+
+
+def measure_real(folder: Path, series: int, cycles: int, out: Path) -> None:
+    """Series of real cycles; written when all are made."""
+    real = real_cycles(folder)
+    rows = [row for number in range(series) for row in rows_of_real(real, number, cycles)]
+    with out.open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+    told(rows)
+
+
 def measure_series(springs: int, cycles: int, fitted: int, seed: int) -> None:
     """Springs whose cycles are read at once."""
     spring, rng = generator(), np.random.default_rng(seed)
@@ -237,8 +338,13 @@ def main(arguments: Sequence[str] | None = None) -> None:
     series.add_argument("--cycles", type=int, default=500)
     series.add_argument("--fitted", type=int, default=FITTED)
     series.add_argument("--seed", type=int, default=0)
+    real = commands.add_parser("real", help="series of real cycles")
+    real.add_argument("folder", type=Path)
+    real.add_argument("--series", type=int, default=3)
+    real.add_argument("--cycles", type=int, default=20)
+    real.add_argument("--out", type=Path, default=TABLE.with_name("watch_real.csv"))
     o = vars(parser.parse_args(arguments))
-    measure = {"files": measure_files, "series": measure_series}[o.pop("command")]
+    measure = {"files": measure_files, "series": measure_series, "real": measure_real}[o.pop("command")]
     measure(**o)
 
 
