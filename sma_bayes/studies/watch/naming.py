@@ -231,13 +231,18 @@ def _of_channel(table: _Table, channel: str, own: list[int]) -> list[Cause]:
     moved = "the spring has set, or the zero of the sensor has moved" if channel == "displacement" else (
         "the zero of the sensor has moved, or a constant part of what is measured"
     )  # fmt: skip
+    scaled = (
+        (f"the {name} has another scale: that of its sensor, or another stiffness", "either")
+        if channel in ("force", "stiffness")
+        else (f"the scale of the {name} sensor", "sensor")
+    )
     return [
         table.cause(
             f"{channel}_offset", f"{name}: {moved}", "either", "training_drift" if channel == "displacement" else
             "sensor_drift", [("offset", unit, moves)],
         ),
         table.cause(
-            f"{channel}_gain", f"the scale of the {name} sensor", "sensor", "", [("gain", "1", about(lambda s: 0.0))]
+            f"{channel}_gain", *scaled, "", [("gain", "1", about(lambda s: 0.0))]
         ),
         table.cause(
             f"{channel}_stroke_cold", f"the stroke of {name}, the cold end fixed", "specimen", "amplitude_fatigue",
