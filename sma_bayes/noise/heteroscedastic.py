@@ -177,10 +177,10 @@ def temperature_sd_fact(unit: str) -> ParameterSpec:
         positive=True,
         prior={
             "family": "lognormal",
-            "median": 0.005,
-            "sigma": 1.2,
+            "median": 0.002,
+            "sigma": 1.0,
             "relative_to": "span(temperature)",
-            "source": "0.07 to 3.6 % of the sweep, 90 %: a few tenths of a degree of a usual one",
+            "source": "0.04 to 1 % of the sweep, 90 %: 0.03 to 0.8 K of one of 80 K, from reading to reading",
         },
     )
 
