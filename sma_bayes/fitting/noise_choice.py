@@ -55,10 +55,6 @@ ALLOWED_LN_EVIDENCE_LOSS = 2.0
 """ln evidence that the more careful reading must lack to be dropped: a discrepancy beside noise without a memory, since
 a misfit that a record hardly shows takes starts and finishes out of intervals that don't know of it; and a memory
 beside a discrepancy, since one sweep hardly tells it from what the discrepancy does not resolve."""
-ALLOWED_LN_EVIDENCE_LOSS_WITH_TEMPERATURE_ERROR = 1.0
-"""ln evidence that an error of the thermometer beside a discrepancy must lack to be dropped. Few readings lie in a
-transformation, and a discrepancy follows what they scatter if nothing else is there for it; where readings tell that
-it is not there it lacks 1.2 to 8."""
 CHANGE_SD_RANGES = 10.0
 """Standard deviation, in ranges of the channel, of what a change of the parameters may do to the curve."""
 BASIS_GRID_POINTS = 2001
@@ -136,15 +132,16 @@ def choose_noise(
     `LEAST_LN_EVIDENCE_GAIN_OF_VARIANCE`, over what is simpler; beside growth or an error of the thermometer only what
     still earns its place stays, but for a memory beside a discrepancy, which stays unless it lacks
     `ALLOWED_LN_EVIDENCE_LOSS`, and an error of the thermometer beside normal noise with a discrepancy, which is
-    looked at without a sign of it and stays unless it lacks `ALLOWED_LN_EVIDENCE_LOSS_WITH_TEMPERATURE_ERROR`.
-    Discrepancies are taken where the evidence of all channels together is greater with them: by
-    `LEAST_LN_EVIDENCE_GAIN` beside a memory, which a smooth misfit resembles, and beside normal noise without one
-    also where it is less by no more than `allowed_loss`. They are taken together: force and displacement are of one
-    specimen, and where the curve fails in one of them the other, in more noise, is no better known. Before another
-    series a discrepancy counts as a memory does. Heavy tails are not taken beside a discrepancy: under them what a
-    smooth function does not resolve passes for outliers, and the curve for better known than it is. So they are
-    looked at without one, and taken where that describes the residuals better than normal noise with or without a
-    discrepancy, unless a discrepancy beside them would gain more still.
+    looked at without a sign of it and taken where it gains anything at all: a discrepancy follows what the few
+    readings in a transformation scatter if nothing else is there for it. Discrepancies are taken where the evidence
+    of all channels together is greater with them: by `LEAST_LN_EVIDENCE_GAIN` beside a memory, which a smooth
+    misfit resembles, and beside normal noise without one also where it is less by no more than `allowed_loss`. They
+    are taken together: force and displacement are of one specimen, and where the curve fails in one of them the
+    other, in more noise, is no better known. Before another series a discrepancy counts as a memory does. Heavy
+    tails are not taken beside a discrepancy: under them what a smooth function does not resolve passes for
+    outliers, and the curve for better known than it is. So they are looked at without one, and taken where that
+    describes the residuals better than normal noise with or without a discrepancy, unless a discrepancy beside them
+    would gain more still.
     Where records have several sweeps all of this is done once more with what each sweep has of its own beside the
     discrepancy, which is taken where it gains `LEAST_LN_EVIDENCE_GAIN`. Heavy tails, growth and an error of the
     thermometer take no part in that, on neither side. Under heavy tails the readings of a sweep that differs pass
@@ -321,15 +318,13 @@ def _with_memory(name: str) -> list[str]:
 
 
 def _with_temperature_error(name: str, look: Callable[[str], _Description]) -> str:
-    """A noise model beside a discrepancy, with an error of the thermometer unless the evidence is against it.
+    """A noise model beside a discrepancy, with an error of the thermometer where that gains anything in ln evidence.
 
     Growth goes where the error makes it needless. A noise model with heavy tails is returned as it is.
     """
     if not NOISE_MODELS[name].is_gaussian:
         return name
-    enough = (
-        max(look(name).ln_evidence, look(name).supported) - ALLOWED_LN_EVIDENCE_LOSS_WITH_TEMPERATURE_ERROR
-    )
+    enough = max(look(name).ln_evidence, look(name).supported)
     series, *_ = name.split("+")
     margins = {
         f"{series}+temperature_error": LEAST_LN_EVIDENCE_GAIN_OF_VARIANCE,
@@ -401,7 +396,7 @@ def _reason(
         if name.endswith("+temperature_error") and gained_by_temperature_error(name, rivals) < (
             LEAST_LN_EVIDENCE_GAIN_OF_VARIANCE
         ):
-            parts.append("beside it an error of the thermometer stays unless the evidence is against it")
+            parts.append("beside it an error of the thermometer is taken where it gains anything")
     return f"{title}: {'; '.join(parts)}"
 
 

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 from sma_bayes.fitting import noise_choice
+from sma_bayes.fitting.discrepancy import DiscrepancyBasis
 from sma_bayes.fitting.noise_choice import (
     ALLOWED_LN_EVIDENCE_LOSS,
     LEAST_LN_EVIDENCE_GAIN,
@@ -17,7 +18,6 @@ from sma_bayes.fitting.noise_choice import (
     MAX_MEMORY_SAMPLES,
     NoiseChoice,
     choose_noise,
-    gained_by_temperature_error,
     noise_start,
     posterior_with,
 )
@@ -197,31 +197,56 @@ def test_a_memory_beside_a_discrepancy_is_dropped_where_the_evidence_is_against_
     assert choice.bases[0]
 
 
-@pytest.mark.parametrize(("allowed", "stays"), [(-100.0, False), (100.0, True)])
-def test_an_error_of_the_thermometer_stays_beside_a_discrepancy_unless_the_evidence_is_against_it(
-    make_record: Callable[..., Record], monkeypatch: pytest.MonkeyPatch, allowed: float, *, stays: bool
+@pytest.mark.parametrize(
+    ("gains", "expected"),
+    [
+        ({"ar1+temperature_error": 0.1}, "ar1+temperature_error"),
+        ({"ar1+temperature_error": -0.1}, "ar1"),
+    ],
+)
+def test_an_error_of_the_thermometer_beside_a_discrepancy_must_gain_anything(
+    gains: dict[str, float], expected: str
 ) -> None:
-    """Of white noise about a curve that fails; without a misfit it must be earned, whatever is allowed."""
-    monkeypatch.setattr(noise_choice, "ALLOWED_LN_EVIDENCE_LOSS_WITH_TEMPERATURE_ERROR", allowed)
-    choice = choice_for(with_a_second_step(make_record(("force",), n=80, noise=0.004)))
-    assert choice.bases[0]
-    assert choice.name.endswith("+temperature_error") == stays
-    assert ("an error of the thermometer stays" in choice.reason) == stays
-    if stays:
-        assert gained_by_temperature_error(choice.name, choice.ln_evidence) < 2.0
-    plain = choice_for(make_record(("force",), n=80, noise=0.004))
-    assert not plain.bases[0]
-    assert not plain.name.endswith("+temperature_error")
+    assert noise_choice._with_temperature_error("ar1", described_with({"ar1": 0.0, **gains})) == expected
 
 
-def test_no_error_of_the_thermometer_is_estimated_beside_a_declared_one(
+@pytest.mark.parametrize(("gain_with_growth", "grows"), [(1.0, False), (3.0, True)])
+def test_growth_goes_where_an_error_of_the_thermometer_makes_it_needless(
+    gain_with_growth: float, grows: bool
+) -> None:
+    gains = {"ar1+growing": 0.0, "ar1+temperature_error": 0.5}
+    gains["ar1+growing+temperature_error"] = 0.5 + gain_with_growth
+    expected = f"ar1{'+growing' if grows else ''}+temperature_error"
+    assert noise_choice._with_temperature_error("ar1+growing", described_with(gains)) == expected
+
+
+def described_with(ln_evidence: dict[str, float]) -> Callable[[str], Any]:
+    """Descriptions with a discrepancy, which gains 10, and this ln evidence."""
+    basis = DiscrepancyBasis(np.zeros(1), np.zeros((1, 1)), np.zeros((1, 1)))
+
+    def look(name: str) -> Any:
+        gain = {"force": 10.0}
+        return noise_choice._Description(ln_evidence[name], gain, ({"force": basis},), (), (), (), ())
+
+    return look
+
+
+def test_only_a_free_choice_has_an_error_of_the_thermometer_without_a_sign(
     make_record: Callable[..., Record], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    monkeypatch.setattr(noise_choice, "ALLOWED_LN_EVIDENCE_LOSS_WITH_TEMPERATURE_ERROR", 100.0)
-    record = replace(with_a_second_step(make_record(("force",), n=80, noise=0.004)), temperature_sd=0.1)
-    choice = choice_for(record)
-    assert choice.bases[0]
-    assert not choice.name.endswith("+temperature_error")
+    """Not where the noise is named, nor beside a declared error, nor where no discrepancy may lack in evidence."""
+    asked = []
+    monkeypatch.setattr(
+        noise_choice, "_with_temperature_error", lambda name, look: asked.append(name) or name
+    )
+    record = with_a_second_step(make_record(("force",), n=80, noise=0.004))
+    assert choice_for(record, noise="ar1").bases[0]
+    choice_for(replace(record, temperature_sd=0.1))
+    posterior = build_posterior([record], NOISE_MODELS["independent"], DEFAULT)
+    start = warm_start(posterior, np.random.default_rng(0))
+    assert choose_noise(posterior, start, DEFAULT, allowed_loss=0.0).bases[0]
+    assert not asked
+    assert choice_for(record).name == asked[0]
 
 
 def in_bursts(record: Record, seed: int) -> Record:
