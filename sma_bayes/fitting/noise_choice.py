@@ -483,10 +483,11 @@ def _following(e: Floats, x: Floats) -> float:
 
     By its squares, whose score that is where the noise is normal, or by its logarithm: whichever shows more.
     """
-    square = float(np.mean(e**2)) if e.size else 0.0
-    if not (np.isfinite(square) and square > 0.0 and e.size > 3):
+    largest = float(np.max(np.abs(e), initial=0.0))
+    if not (np.isfinite(largest) and largest > 0.0 and e.size > 3):
         return 0.0
-    return max(abs(_correlation(y, x)) for y in (e**2, _log_size(e))) * float(np.sqrt(e.size))
+    relative = e / largest  # whose fourth powers are finite whatever the noise
+    return max(abs(_correlation(y, x)) for y in (relative**2, _log_size(relative))) * float(np.sqrt(e.size))
 
 
 def _correlation(x: Floats, y: Floats) -> float:

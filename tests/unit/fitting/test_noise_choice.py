@@ -220,6 +220,16 @@ def test_growth_goes_where_an_error_of_the_thermometer_makes_it_needless(
     assert noise_choice._with_temperature_error("ar1+growing", described_with(gains)) == expected
 
 
+@pytest.mark.parametrize("size", [1e-90, 1.0, 1e90])
+def test_growth_is_seen_whatever_the_size_of_the_innovations(size: float) -> None:
+    """A computed curve that a model misses leaves innovations of any size."""
+    e = np.random.default_rng(0).standard_normal(60)
+    response = np.linspace(0.0, 1.0, 60)
+    growing = noise_choice._following(size * e * np.exp(2.0 * response), response)
+    assert growing == pytest.approx(noise_choice._following(e * np.exp(2.0 * response), response))
+    assert growing > noise_choice._following(size * e, response)
+
+
 def described_with(ln_evidence: dict[str, float]) -> Callable[[str], Any]:
     """Descriptions with a discrepancy, which gains 10, and this ln evidence."""
     basis = DiscrepancyBasis(np.zeros(1), np.zeros((1, 1)), np.zeros((1, 1)))
