@@ -258,8 +258,7 @@ def _best(residuals: _Residuals, noise: str | None, *, tails: bool) -> tuple[Noi
             enough = max(look(best).ln_evidence, look(best).supported) - ALLOWED_LN_EVIDENCE_LOSS
             allowed = (n for n in _with_memory(best) if any(look(n).bases) and look(n).ln_evidence > enough)
             best = next(allowed, best)
-            careful = residuals.allowed_loss > 0.0
-            if careful and "temperature_error" not in best and not _sweeps_apart(residuals.bases):
+            if residuals.allowed_loss > 0.0 and not _sweeps_apart(residuals.bases):
                 best = _with_temperature_error(best, look)
     chosen = found[best]
     top = max(d.ln_evidence for d in found.values())
@@ -320,9 +319,10 @@ def _with_memory(name: str) -> list[str]:
 def _with_temperature_error(name: str, look: Callable[[str], _Description]) -> str:
     """A noise model beside a discrepancy, with an error of the thermometer where that gains anything in ln evidence.
 
-    Growth goes where the error makes it needless. A noise model with heavy tails is returned as it is.
+    Growth goes where the error makes it needless. A noise model with heavy tails, or that has such an error, is
+    returned as it is.
     """
-    if not NOISE_MODELS[name].is_gaussian:
+    if NOISE_MODELS[name].feels_temperature or not NOISE_MODELS[name].is_gaussian:
         return name
     enough = max(look(name).ln_evidence, look(name).supported)
     series, *_ = name.split("+")
