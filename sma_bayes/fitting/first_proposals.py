@@ -201,22 +201,27 @@ class PriorOfCurve:
     Attributes
     ----------
     space : ParameterSpace
+        Of all parameters.
+    curve : ParameterSpace
+        Of those of the curve.
     at : ndarray of int
         Coordinates of the noise.
     noise : StudentMixture
     """
 
     space: ParameterSpace
+    curve: ParameterSpace
     at: Ints
     noise: StudentMixture
 
     @staticmethod
     def of(posterior: Posterior, z: Floats, covariance: Floats) -> PriorOfCurve:
         """With the noise as it is at a mode (D,), where the posterior has a covariance (D, D), a little wider."""
-        at = np.arange(posterior.sampled_model.size, posterior.space.dimension)
+        space, size = posterior.space, posterior.sampled_model.size
+        at = np.arange(size, space.dimension)
         wider = 2.0 * covariance[np.ix_(at, at)]
         mixture = StudentMixture.from_covariances(np.ones(1), z[None, at], wider[None], 5.0)
-        return PriorOfCurve(posterior.space, at, mixture)
+        return PriorOfCurve(space, ParameterSpace(space.free[:size]), at, mixture)
 
     def draw(self, rng: np.random.Generator, size: int) -> tuple[Floats, Floats]:
         """Points (size, D) and their log density (size,)."""
@@ -226,9 +231,5 @@ class PriorOfCurve:
 
     def log_density(self, z: Floats) -> Floats:
         """Log density at any points, shape (W,)."""
-        value = self.space.log_prior(z) + self.noise.log_density(z[:, self.at])
-        for i in self.at:
-            prior = self.space.free[i].prior
-            x = prior.transform.constrain(z[:, i])
-            value = value - prior.log_density(x) - prior.transform.log_jacobian(z[:, i])
-        return np.asarray(value)
+        curve = np.delete(z, self.at, axis=1)
+        return np.asarray(self.curve.log_prior(curve) + self.noise.log_density(z[:, self.at]))
