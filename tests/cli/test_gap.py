@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import shutil
+from collections import Counter
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -14,6 +15,7 @@ import pytest
 from sma_bayes import study_gap
 from sma_bayes.arviz_bridge import open_posterior
 from sma_bayes.records.campaign import read_campaign
+from sma_bayes.studies.gap.terminal import ROWS_OF_ONE_REASON, show_gap
 
 Run = Callable[..., Any]
 
@@ -71,6 +73,21 @@ def done(tmp_path_factory: pytest.TempPathFactory) -> Path:
     source = campaign(folder / "data", training=0.6)
     study_gap(read_campaign(source), folder / "out", pool="campaign", jobs=1)
     return folder
+
+
+def test_each_reason_is_said_once_on_the_screen(done: Path, capsys: pytest.CaptureFixture[str]) -> None:
+    found = json.loads((done / "out" / "gap.json").read_text(encoding="utf-8"))
+    tested = [c for c in found["candidates"] if c["status"] != "untestable"]
+    (reason, times), *_ = Counter(c["why"] for c in tested).most_common(1)
+    assert times > ROWS_OF_ONE_REASON
+    show_gap(found, done / "out")
+    told = " ".join(capsys.readouterr().out.split())
+    assert told.count(reason) == 1
+    rejected = told.partition(f"rejected, {reason}")[2]
+    for c in tested:
+        alone = [d["why"] for d in tested].count(c["why"]) <= ROWS_OF_ONE_REASON
+        assert (f"│ {c['id']} " in told) == alone
+        assert (c["why"] == reason) <= (f"{c['id']} (" in rejected)
 
 
 def strict(text: str) -> Any:

@@ -188,7 +188,7 @@ def _started(
     begun = list(run(task, records, work.jobs, account=work.account, stage="compare"))
     each = [b.expected_s for b in begun]
     models = max((len(b.running) for b in begun), default=0)
-    what = f"{many(len(records), 'record')}, {models} models fitted whole and without each part held out"
+    what = f"{many(len(records), 'comparison')} of {models} models, each fitted whole and without each part held out"
     announce(work.tell, by_the_clock(each, work.jobs), what)
     return begun
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any, Final
@@ -32,6 +33,8 @@ from sma_bayes.studies.gap.words import (
     shape_text,
 )
 
+ROWS_OF_ONE_REASON: Final = 3
+"""Candidates that have a row each although the reason is the same; more share a line."""
 VERDICTS: Final = {
     "named": "NAMED: the model misses something, and the catalogue has a name for it",
     "unnamed": "UNNAMED: the model misses something, and nothing in the catalogue accounts for it",
@@ -80,7 +83,7 @@ def _show_part(console: Screen, found: GapFindings | HeatingFindings, title: str
         if factors:
             console.print(f"no candidate stands out; the greatest ln Bayes factor is {max(factors):.1f}")
     else:
-        console.print(_candidate_rows(found.candidates))
+        _show_candidates(console, [c for c in found.candidates if c.status != "untestable"])
     untested = [c.id for c in found.candidates if c.status == "untestable"]
     if untested:
         console.tell(f"these data cannot test {', '.join(untested)}; the report says why")
@@ -110,8 +113,23 @@ def _stretch(d: StatedDisagreement) -> str:
     return f"{' to '.join(ends)} {unit_label(d.unit)}".rstrip()
 
 
-def _candidate_rows(candidates: Sequence[JudgedCandidate]) -> Table:
-    tested = [c for c in candidates if c.status != "untestable"]
+def _show_candidates(console: Screen, tested: Sequence[JudgedCandidate]) -> None:
+    """A row each; one line for all that share a reason."""
+    times = Counter(c.why for c in tested)
+    rows = [c for c in tested if times[c.why] <= ROWS_OF_ONE_REASON]
+    if rows:
+        console.print(_candidate_rows(rows))
+    for why in (why for why, n in times.items() if n > ROWS_OF_ONE_REASON):
+        alike = (f"{c.id} ({_factor(c)})" for c in tested if c.why == why)
+        console.tell(f"rejected, {why} (ln BF): {', '.join(alike)}")
+
+
+def _factor(candidate: JudgedCandidate) -> str:
+    factor = candidate.ln_bayes_factor
+    return "-" if factor is None else f"{factor:z.1f}"
+
+
+def _candidate_rows(tested: Sequence[JudgedCandidate]) -> Table:
     scored = any(c.delta_elpd_held_out is not None for c in tested)
     table = titled(
         "candidates that could be tested",
@@ -122,9 +140,9 @@ def _candidate_rows(candidates: Sequence[JudgedCandidate]) -> Table:
         "why",
     )
     for c in tested:
-        factor, score = c.ln_bayes_factor, c.delta_elpd_held_out
+        score = c.delta_elpd_held_out
         told = "-" if score is None else f"{score:.1f} ± {c.delta_elpd_se:.1f}"
-        cells = [c.id, "-" if factor is None else f"{factor:z.1f}", told, c.status, c.why]
+        cells = [c.id, _factor(c), told, c.status, c.why]
         table.add_row(*(cells if scored else cells[:2] + cells[3:]))
     return table
 
