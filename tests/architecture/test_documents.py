@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import ast
 import inspect
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from typing import get_args
@@ -64,8 +65,7 @@ def test_every_name_of_a_schema_is_that_of_a_declared_document() -> None:
         for _, node in nodes()
         if isinstance(node, ast.Constant)
         and isinstance(node.value, str)
-        and node.value.startswith("sma-bayes/")
-        and node.value.endswith("/1")
+        and re.fullmatch(r"sma-bayes/.+/\d+", node.value)
     }
     assert named - {MARK, PRIORS} == declared
 

@@ -101,6 +101,7 @@ def test_a_drift_is_found_dated_named_and_measured(out: Path) -> None:
     assert QUIET < found["alarm"]["cycle"] <= QUIET + 4
     assert found["alarm"]["onset"]["low"] <= QUIET + 1 <= found["alarm"]["onset"]["high"] + 1
     assert found["alarm"]["numbers"] == ["heating displacement offset", "cooling displacement offset"]
+    assert "displacement_offset" in found["alarm"]["causes"]
     assert found["change"]["verdict"] == "named"
     cause = found["change"]["causes"][0]
     assert cause["id"] == "displacement_offset"
@@ -334,8 +335,12 @@ def test_the_terminal_tells_the_same(run: Run, place: Path, out: Path) -> None:
     assert "ALARM" in outcome.out
     assert "last 5 of the watched cycles" in outcome.out
     alarming = [n for n in before["numbers"] if n["alarm"]]
-    rows = [line.split("│")[-2].strip() for line in outcome.out.splitlines() if "ALARM" in line]
+    rows = [line.split("│")[-2].strip() for line in outcome.out.splitlines() if "ALARM │" in line]
     assert sorted(rows) == sorted(f"{max(n['log10_e']):.2f} ALARM" for n in alarming)
+    told = " ".join(outcome.out.split())
+    for cause in before["together"]:
+        line = f"({cause['title']}): most log10 e {max(cause['log10_e']):.2f} ALARM"
+        assert (line in told) == cause["alarm"]
 
 
 def test_the_report_is_built_anew(run: Run, place: Path, out: Path) -> None:
@@ -436,14 +441,15 @@ def test_sentence_and_figure_tell_the_same_evidence_after_one_cycle(
     outcome = run("watch", place / "results", files(place, "quiet")[0], "--out", tmp_path / "one")
     stored = read_finished(WATCH, WatchDocument, tmp_path / "one", in_declared_units)
     evidence = 10.0 ** stored.found.cycles[0].log10_e
+    series = len(stored.found.numbers) + len(stored.found.together)
     assert evidence < 1.0
     assert stored.found.p_value == 1.0
     assert f"the evidence of a change came to {evidence:.2g}, and 100 is an alarm" in outcome.out
     (ax,) = evidence_figure(stored).figure.axes
-    assert float(ax.lines[len(stored.found.numbers)].get_ydata()[0]) == pytest.approx(np.log10(evidence))
+    assert float(ax.lines[series].get_ydata()[0]) == pytest.approx(np.log10(evidence))
     ticks = dict(zip(ax.get_yticks(), (t.get_text() for t in ax.get_yticklabels()), strict=True))
     assert ticks[2.0] == "100"
-    assert all(line.get_marker() == "o" for line in ax.lines[: len(stored.found.numbers) + 1])
+    assert all(line.get_marker() == "o" for line in ax.lines[: series + 1])
 
 
 def test_a_watch_of_another_fit_or_alpha_is_refused(run: Run, place: Path, out: Path) -> None:

@@ -68,12 +68,22 @@ class Watched:
         How many cycles were fitted.
     designs : tuple of ndarray, shape (N, p)
         What the mean may do while nothing changes: a constant, and a law of training beside it where one is possible.
+    together : ndarray, shape (C, K), optional
+        Weights of further series, sums of the numbers that do not hang on their values.
     """
 
     value: Floats
     weight: Floats
     fitted: int
     designs: tuple[Floats, ...]
+    together: Floats | None = None
+
+    @property
+    def series(self) -> Floats:
+        """Numbers, and the sums of them, shape (N, K + C)."""
+        if self.together is None:
+            return self.value
+        return np.column_stack([self.value, self.value @ self.together.T])
 
     @property
     def watched(self) -> int:
@@ -103,7 +113,7 @@ class LeastSquaresOfNumbers:
 
 
 def log_evidence(numbers: Watched, first: int = 0) -> Floats:
-    """Logarithm of the e-process of each number after each watched cycle from one on.
+    """Logarithm of the e-process of each series after each watched cycle from one on.
 
     Parameters
     ----------
@@ -113,14 +123,14 @@ def log_evidence(numbers: Watched, first: int = 0) -> Floats:
 
     Returns
     -------
-    ndarray, shape (watched - first, K)
+    ndarray, shape (watched - first, K + C)
     """
     out = [evidence_after(numbers, n) for n in range(first + 1, numbers.watched + 1)]
-    return np.array(out).reshape(-1, numbers.value.shape[1])
+    return np.array(out).reshape(-1, numbers.series.shape[1])
 
 
 def evidence_after(numbers: Watched, watched: int) -> Floats:
-    """After so many watched cycles: the least over the laws, shape (K,)."""
+    """After so many watched cycles: the least over the laws, shape (K + C,)."""
     return np.asarray(np.min([_under(numbers, d, watched) for d in numbers.designs], axis=0))
 
 
@@ -138,9 +148,9 @@ def log_prior(watched: int) -> Floats:
 
 
 def log_ratios(numbers: Watched, design: Floats, watched: int) -> Floats:
-    """Log Bayes factors of a change from each watched cycle on, (watched, shapes x sizes, K)."""
-    n = numbers.fitted + watched
-    y, w, x = numbers.value[:n] - numbers.value[0], numbers.weight[:n], design[:n]
+    """Log Bayes factors of a change from each watched cycle on, (watched, shapes x sizes, K + C)."""
+    n, series = numbers.fitted + watched, numbers.series
+    y, w, x = series[:n] - series[0], numbers.weight[:n], design[:n]
     many = sum(SIZES[s].size for s in SHAPES)
     first = least_squares_of(y, w, x)
     if first is None:
@@ -202,8 +212,8 @@ def least_squares_of(y: Floats, w: Floats, x: Floats) -> LeastSquaresOfNumbers |
 
 
 def onset(numbers: Watched, which: int) -> OnsetDocument:
-    """Posterior of the onset of a change of one number, under the law that leaves it the least evidence."""
-    one = replace(numbers, value=numbers.value[:, [which]])
+    """Posterior of the onset of a change of one series, under the law that leaves it the least evidence."""
+    one = replace(numbers, value=numbers.series[:, [which]], together=None)
     n = one.watched
     design = min(one.designs, key=lambda d: float(_under(one, d, n)[0]))
     joint = log_ratios(one, design, n)[:, :, 0] + log_prior(n)[:, None]

@@ -19,7 +19,7 @@ doi:10.1016/S0047-259X(03)00096-4 (covariances shrunk).
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import partial
 from itertools import combinations
@@ -29,10 +29,10 @@ import numpy as np
 from scipy.stats import f as f_distribution, t as t_distribution
 
 from sma_bayes.arrays import Floats
-from sma_bayes.studies.cycles.sweeps import NUMBERS, Strand
+from sma_bayes.studies.cycles.sweeps import NUMBERS, USUAL_SCATTER, Strand
 from sma_bayes.studies.watch.evidence import Watched, course
-from sma_bayes.studies.watch.reference import WATCHED
 from sma_bayes.studies.watch.schema import OnsetDocument
+from sma_bayes.studies.watch.state import WATCHED
 
 LEAST_P: Final = 0.01
 """Probability of what a cause leaves, below which it is not supported."""
@@ -111,6 +111,21 @@ class Change:
     value: Floats
     covariance: Floats
     spare: int
+
+
+def watched_together(strands: Sequence[Strand]) -> Iterator[tuple[Cause, Floats]]:
+    """Causes that move several numbers by one amount, with weights (K,) of the sum of all numbers that tells it best.
+
+    Weights are those of least squares where numbers scatter independently and as they usually do: what the cause does
+    over the variance. The scatter of the fitted sweeps is not asked, so that the sum of a sweep that nothing has
+    changed is distributed as its numbers are.
+    """
+    usual = np.tile(USUAL_SCATTER, len(strands))
+    for cause in causes_of(strands):
+        if cause.directions.shape[1] == 1 and np.count_nonzero(cause.directions) > 1:
+            weights = np.zeros((len(strands), len(WATCHED)))
+            weights[:, : len(NUMBERS)] = (cause.directions[:, 0] / usual**2).reshape(-1, len(NUMBERS))
+            yield cause, weights.ravel()
 
 
 def change_of(numbers: Watched, began: OnsetDocument) -> Change | None:

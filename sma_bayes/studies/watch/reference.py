@@ -14,11 +14,9 @@ from sma_bayes.records.types import Branch, Record
 from sma_bayes.studies.cycles.laws import LAW_POWERS, LAWS, N0_GRID, NONE, LawPosterior, Series, approach
 from sma_bayes.studies.cycles.sweeps import NUMBERS, PRIOR_SD, USUAL_SCATTER, Strand, fit_strand, sweeps_of
 from sma_bayes.studies.watch.evidence import Watched
-from sma_bayes.studies.watch.state import StrandNumbers
+from sma_bayes.studies.watch.naming import Cause, watched_together
+from sma_bayes.studies.watch.state import WATCHED, StrandNumbers
 
-NOISE: Final = "noise"
-WATCHED: Final = (*NUMBERS, NOISE)
-"""Numbers of a sweep: the four of the shape-invariant model, and what these leave (ln of its root mean square)."""
 N0_MASS: Final = 0.95
 """Share of the posterior of N0 whose values count as possible while nothing changes."""
 MAX_N0: Final = 7
@@ -41,6 +39,10 @@ class Reference:
     paces : tuple of (float, float)
         Its possible powers and N0.
     remarks : tuple of str
+    causes : tuple of Cause
+        Those whose numbers are watched together.
+    together : ndarray, shape (C, K)
+        Weights of the numbers of each.
     """
 
     strands: tuple[Strand, ...]
@@ -49,6 +51,8 @@ class Reference:
     law: str
     paces: tuple[tuple[float, float], ...]
     remarks: tuple[str, ...]
+    causes: tuple[Cause, ...]
+    together: Floats
 
     @property
     def fitted(self) -> int:
@@ -57,8 +61,13 @@ class Reference:
 
     @property
     def keys(self) -> list[tuple[int, int]]:
-        """Strand and number of each watched series."""
+        """Strand and number of each number that is watched."""
         return [(s, n) for s in range(len(self.strands)) for n in range(len(WATCHED))]
+
+    @property
+    def series(self) -> int:
+        """How many e-processes there are: of all numbers, and of those together."""
+        return len(self.keys) + len(self.causes)
 
     def measure(self, sweeps: Mapping[str, Record]) -> list[StrandNumbers]:
         """Numbers of the sweeps of a new cycle, by strand."""
@@ -82,7 +91,7 @@ class Reference:
         value = np.array([[sweep.value for sweep in row] for row in rows]).reshape(len(rows), -1)
         usual = [float(np.median([n.samples for n in own])) for own in self.numbers]
         weight = [min(1.0, *(n.samples / u for n, u in zip(row, usual, strict=True))) for row in rows]
-        return Watched(value, np.array(weight), self.fitted, self._designs(len(later)))
+        return Watched(value, np.array(weight), self.fitted, self._designs(len(later)), self.together)
 
     def _designs(self, later: int) -> tuple[Floats, ...]:
         since = np.concatenate(
@@ -132,9 +141,11 @@ def reference_of(records: Sequence[Record], model: Mapping[str, str], seed: int)
     strands = [fit_strand(r, channel, cycle, model[r.key], seed) for r, channel, cycle in found]
     numbers = tuple(tuple(_numbers(s, s.part(s.cycle == c)[0], fitted=True) for c in common) for s in strands)
     law, paces = _law(strands, np.array(common), numbers)
+    causes, together = zip(*watched_together(strands), strict=True)
     return Reference(
-        tuple(strands), np.array(common), numbers, law, paces, (*remarks, *_told(len(common), law))
-    )
+        tuple(strands), np.array(common), numbers, law, paces, (*remarks, *_told(len(common), law)), causes,
+        np.array(together),
+    )  # fmt: skip
 
 
 def _told(fitted: int, law: str) -> list[str]:

@@ -44,6 +44,16 @@ class WatchedNumber(DocumentPart):
     alarm: bool = Field(description="whether its e-process has exceeded the number of all of them over alpha")
 
 
+class WatchedCause(DocumentPart):
+    """Numbers together that a cause moves, weighed by what it does to each and by what sweeps usually scatter."""
+
+    id: str = Field(description="name of the cause")
+    title: str = Field(description="in words")
+    of: str = Field(description="`sensor`, `specimen` or `either`")
+    log10_e: Items[Number] = Field(description="after each watched cycle, log10 of its own e-process")
+    alarm: bool = Field(description="whether its e-process has exceeded the number of all of them over alpha")
+
+
 class OnsetDocument(DocumentPart):
     """When a change began, in watched cycles."""
 
@@ -59,6 +69,9 @@ class AlarmDocument(DocumentPart):
     cycle: int = Field(description="watched cycle, from 1")
     file: str = Field(description="its file")
     numbers: Items[str] = Field(description="numbers whose own e-process was enough, by then or later")
+    causes: Items[str] = Field(
+        default=(), description="causes of `together` whose own e-process was enough, by then or later"
+    )
     onset: OnsetDocument = Field(description="when the change of the clearest of them began")
 
 
@@ -125,8 +138,8 @@ class WatchedCycle(DocumentPart):
     file: str = Field(description="its file")
     cycle_in_file: Number = Field(description="its number there")
     log10_e: Number = Field(
-        description="log10 of the greatest e-process of all numbers, over how many there are; the alarm is at "
-        "log10 of one over alpha"
+        description="log10 of the greatest e-process of all numbers and of those together, over how many there "
+        "are; the alarm is at log10 of one over alpha"
     )
 
 
@@ -144,6 +157,9 @@ class VerdictFindings(DocumentPart):
     law: str = Field(description="law of training that counts as no change, or `none`")
     cycles: Items[WatchedCycle] = Field(description="watched cycles that count")
     numbers: Items[WatchedNumber] = Field(description="what is watched")
+    together: Items[WatchedCause] = Field(
+        default=(), description="numbers that are watched together, by what would move them"
+    )
     alarm: AlarmDocument | None = Field(description="null while there is none")
     change: ChangeDocument = Field(description="what has changed")
 

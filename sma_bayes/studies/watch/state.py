@@ -10,9 +10,13 @@ from pydantic import Field
 from sma_bayes.runs.documents import Document, sealed
 from sma_bayes.runs.schema import DocumentPart, Items, Number, read_document
 from sma_bayes.runs.store import write_json
+from sma_bayes.studies.cycles.sweeps import NUMBERS
 
+NOISE: Final = "noise"
+WATCHED: Final = (*NUMBERS, NOISE)
+"""Numbers of a sweep: the four of the shape-invariant model, and what these leave (ln of its root mean square)."""
 STATE: Final = Document(
-    "watch", "state.json", "sma-bayes/watch-state/1", "a watch", ("files", "cycles", "series")
+    "watch", "state.json", "sma-bayes/watch-state/2", "a watch", ("files", "cycles", "series")
 )
 
 
@@ -34,7 +38,8 @@ class CountedCycle(DocumentPart):
     sha256: str = Field(description="of its first samples")
     sweeps: Items[StrandNumbers] = Field(description="one for each of `series`")
     log_evidence: Items[Number] = Field(
-        description="of each number of each of `series`: ln of its e-process after this cycle"
+        description="of each number of each of `series`, and of each cause whose numbers are watched together: ln of "
+        "its e-process after this cycle"
     )
 
 
@@ -52,7 +57,7 @@ class ReadFile(DocumentPart):
 class WatchState(DocumentPart):
     """What `state.json` holds."""
 
-    schema_: Literal["sma-bayes/watch-state/1"] = Field(alias="schema", description="name and version")
+    schema_: Literal["sma-bayes/watch-state/2"] = Field(alias="schema", description="name and version")
     series: Items[str] = Field(description="branch and channel of each curve that is watched")
     files: Items[ReadFile] = Field(description="files in the order in which they came")
     cycles: Items[CountedCycle] = Field(description="cycles that count, in their order")
@@ -69,7 +74,7 @@ class WatchState(DocumentPart):
 
 def empty(series: tuple[str, ...]) -> WatchState:
     """The state of a watch that has seen nothing."""
-    return WatchState(schema="sma-bayes/watch-state/1", series=series, files=(), cycles=())
+    return WatchState(schema="sma-bayes/watch-state/2", series=series, files=(), cycles=())
 
 
 def read_state(folder: Path, series: tuple[str, ...]) -> WatchState:

@@ -16,7 +16,14 @@ CURVE = (Column("branch", "branch"), Column("channel", "channel"))
 def watch_tables(stored: StoredWatch) -> dict[str, Table]:
     """All tables of a watch, by name."""
     found = stored.found
-    tables = (_numbers(found), _causes(found), _limits(found), _cycles(found), _files(found))
+    tables = (
+        _numbers(found),
+        _together(found),
+        _causes(found),
+        _limits(found),
+        _cycles(found),
+        _files(found),
+    )
     return {t.name: t for t in tables}
 
 
@@ -40,10 +47,26 @@ def _numbers(found: WatchDocument) -> Table:
         for n in found.numbers
     )  # fmt: skip
     note = (
-        f"Normal range: 95 % of the sweeps while nothing changes. An alarm of one of these {len(rows)} numbers needs "
-        "as many times the evidence that a single one would."
+        "Normal range: 95 % of the sweeps while nothing changes. An alarm of one of all "
+        f"{len(rows) + len(found.together)} e-processes needs as many times the evidence that a single one would."
     )
     return Table("numbers", "What is watched", note, columns, rows, 2)
+
+
+def _together(found: WatchDocument) -> Table:
+    columns = (
+        Column("cause", "cause"), Column("kind", "of"), Column("greatest log10 e-value", "log10_e", "1"),
+        Column("alarm", "alarm"),
+    )  # fmt: skip
+    rows = tuple(
+        (c.title, c.of, Number(max(c.log10_e), "1", 0.01) if c.log10_e else None, "yes" if c.alarm else "no")
+        for c in found.together
+    )
+    note = (
+        "Numbers that a cause moves, added up by what it does to each over the variance that sweeps usually have: what "
+        "no number tells by itself they may tell together."
+    )
+    return Table("together", "Numbers that are watched together", note, columns, rows)
 
 
 UNTIL_KNOWN: Final = {"shift": 0.1, "width": 0.01}
@@ -127,7 +150,7 @@ def _cycles(found: WatchDocument) -> Table:
     rows = tuple(
         (c.cycle, c.file, f"{c.cycle_in_file:g}", Number(c.log10_e, "1", 0.01)) for c in found.cycles
     )
-    note = "Greatest e-process of all numbers, over how many there are."
+    note = "Greatest e-process of all numbers and of those together, over how many there are."
     return Table("cycles", "Watched cycles", note, columns, rows)
 
 

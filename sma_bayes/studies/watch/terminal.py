@@ -28,6 +28,13 @@ def show_watch(told: Mapping[str, Any], out: Path | None) -> None:
     )
     if found.cycles:
         _show_numbers(console, found)
+    console.tell(
+        *(
+            f"numbers together, as one cause moves them ({c.title}): most log10 e {max(c.log10_e):.2f} ALARM"
+            for c in found.together
+            if c.alarm
+        )
+    )
     console.tell(*(f"not whole, not counted: {text}" for text in found.partial[-ENTRIES_SHOWN:]))
     console.tell(
         *(f"remark: {text}" for text in (*found.declared_differently, *found.remarks[-ENTRIES_SHOWN:]))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any, Final
 
 import numpy as np
@@ -20,7 +20,7 @@ from sma_bayes.runs.store import or_nan
 from sma_bayes.studies.cycles.sweeps import Strand
 from sma_bayes.studies.watch.evidence import Watched, least_squares_of, onset
 from sma_bayes.studies.watch.naming import Change, NamedCause, causes_of, change_of, interval, named
-from sma_bayes.studies.watch.reference import NOISE, WATCHED, Reference
+from sma_bayes.studies.watch.reference import Reference
 from sma_bayes.studies.watch.schema import (
     AlarmDocument,
     AmountDocument,
@@ -28,11 +28,12 @@ from sma_bayes.studies.watch.schema import (
     ChangeDocument,
     OnsetDocument,
     VerdictFindings,
+    WatchedCause,
     WatchedCycle,
     WatchedNumber,
     WatchFindings,
 )
-from sma_bayes.studies.watch.state import StrandNumbers, WatchState
+from sma_bayes.studies.watch.state import NOISE, WATCHED, StrandNumbers, WatchState
 
 FEWEST_SPARE: Final = 2
 """Degrees of freedom from which a scatter is told: two sweeps alone leave it open by a factor of hundreds."""
@@ -82,7 +83,7 @@ def judged(
         In which sentences tell how much has changed.
     """
     watched = reference.watched(later)
-    series = len(reference.keys)
+    series = reference.series
     evidence = np.array([c.log_evidence for c in state.cycles]).reshape(-1, series)
     total = evidence.max(axis=1, initial=-np.inf) - np.log(series)
     needed = float(np.log(1.0 / alpha))
@@ -90,6 +91,13 @@ def judged(
     at = int(over[0]) if over.size else None
     began = None if at is None else _began(watched, evidence, needed + np.log(series))
     numbers = tuple(_numbers(reference, watched, evidence, began, needed + np.log(series)))
+    together = tuple(
+        WatchedCause(
+            id=cause.id, title=cause.title, of=cause.of, log10_e=tuple((own / LOG10).tolist()),
+            alarm=bool(np.any(own >= needed + np.log(series))),
+        )
+        for cause, own in zip(reference.causes, evidence.T[len(reference.keys) :], strict=True)
+    )  # fmt: skip
     greatest = float(total.max(initial=-np.inf))
     change = NO_CHANGE if began is None else _change(reference, began, units)
     alarm = None
@@ -98,6 +106,7 @@ def judged(
             cycle=at + 1,
             file=state.cycles[at].file,
             numbers=tuple(f"{n.branch} {n.channel} {n.number}" for n in numbers if n.alarm),
+            causes=tuple(c.id for c in together if c.alarm),
             onset=began.onset,
         )
     found = VerdictFindings(
@@ -111,6 +120,7 @@ def judged(
             for n, (c, e) in enumerate(zip(state.cycles, total, strict=True))
         ),
         numbers=numbers,
+        together=together,
         alarm=alarm,
         change=change,
     )
@@ -131,8 +141,11 @@ def _began(watched: Watched, evidence: Floats, needed: float) -> _Began:
     if evidence[last].max() < needed:
         last = int(evidence.max(axis=1).argmax())
     n = watched.fitted + last + 1
-    seen = Watched(
-        watched.value[:n], watched.weight[:n], watched.fitted, tuple(d[:n] for d in watched.designs)
+    seen = replace(
+        watched,
+        value=watched.value[:n],
+        weight=watched.weight[:n],
+        designs=tuple(d[:n] for d in watched.designs),
     )
     return _Began(onset(seen, int(evidence[last].argmax())), seen)
 

@@ -37,7 +37,7 @@ from sma_bayes.studies.watch.reading import (
     chosen_condition,
     stored_declaration,
 )
-from sma_bayes.studies.watch.reference import WATCHED, Reference, reference_of
+from sma_bayes.studies.watch.reference import Reference, reference_of
 from sma_bayes.studies.watch.remaining import (
     LEAST_CYCLES,
     NOT_YET,
@@ -279,8 +279,9 @@ class Watch:
     @property
     def alarmed(self) -> bool:
         """Whether the evidence was enough with any cycle so far."""
-        series = len(self.reference.strands) * len(WATCHED)
-        return any(max(c.log_evidence) >= np.log(series / self.alpha) for c in self.state.cycles)
+        return any(
+            max(c.log_evidence) >= np.log(self.reference.series / self.alpha) for c in self.state.cycles
+        )
 
     def conclude(self) -> dict[str, Any]:
         """What is known now, written to the folder."""

@@ -26,8 +26,8 @@ from sma_bayes.report.figures.sheet import (
 )
 from sma_bayes.report.notation import power_text
 from sma_bayes.runs.store import or_nan
-from sma_bayes.studies.watch.reference import WATCHED
 from sma_bayes.studies.watch.schema import StoredWatch, WatchDocument, WatchedNumber
+from sma_bayes.studies.watch.state import WATCHED
 
 ALARM: Final = "#b3261e"
 MAX_MARKERS: Final = 60
@@ -44,11 +44,14 @@ def evidence_figure(stored: StoredWatch) -> Drawing:
     needed = -float(np.log10(found.alpha))
     figure = empty_sheet(6.4, 3.2)
     ax = panels(figure, 1, 1, left=0.75, right=0.2, bottom=0.85, top=0.3)[0][0]
-    share = np.log10(len(found.numbers))
+    series = len(found.numbers) + len(found.together)
+    share = np.log10(series)
     size = 2.6 if cycle.size <= MAX_MARKERS else 0.0
     for n in found.numbers:
         own = np.array(n.log10_e) - share
         ax.plot(cycle, own, color=COLOURS[n.branch], lw=0.6, alpha=0.45, marker="o", ms=0.7 * size)
+    for cause in found.together:
+        ax.plot(cycle, np.array(cause.log10_e) - share, color=FAINT, lw=0.6, marker="o", ms=0.7 * size)
     ax.plot(cycle, total, color=INK, lw=1.3, marker="o", ms=size)
     ax.axhline(needed, color=ALARM, lw=0.9, ls="--")
     ax.axhline(0.0, color=FAINT, lw=0.6)
@@ -68,15 +71,16 @@ def evidence_figure(stored: StoredWatch) -> Drawing:
     branches = list(dict.fromkeys(n.branch for n in found.numbers))
     figure.legend(
         handles=[
-            dot_handle(INK, "greatest of all numbers"), *(dot_handle(COLOURS[b], f"numbers, {b}") for b in branches)
+            dot_handle(INK, "greatest of all"), *(dot_handle(COLOURS[b], f"numbers, {b}") for b in branches),
+            dot_handle(FAINT, "numbers together, by cause"),
         ],
-        loc="lower center", ncols=1 + len(branches),
+        loc="lower center", ncols=2 + len(branches),
     )  # fmt: skip
     data: dict[str, Any] = {"cycle": cycle, "log10_e": total, "log10_alarm": np.full(cycle.size, needed)}
     caption = (
-        f"Evidence of a change after each watched cycle: thin, each number of the sweeps; thick, the greatest; all "
-        f"over {len(found.numbers)}. While nothing changes it ever comes to the dashed line with a probability "
-        f"of at most {found.alpha:.3g}."
+        f"Evidence of a change after each watched cycle: thin, numbers of the sweeps and numbers together that "
+        f"a cause moves; thick, the greatest; all over {series}. While nothing changes it ever comes to the dashed "
+        f"line with a probability of at most {found.alpha:.3g}."
     )
     return Drawing("evidence", caption, caption, figure, data)
 

@@ -133,3 +133,21 @@ def test_a_step_is_found_and_dated() -> None:
 def test_courses_end_with_one() -> None:
     np.testing.assert_array_equal(course(STEP, 3, 2, 5), [0, 0, 0, 0, 1, 1, 1])
     np.testing.assert_allclose(course(RAMP, 3, 2, 5), [0, 0, 0, 0, 1 / 3, 2 / 3, 1])
+
+
+def test_numbers_together_tell_what_none_tells_by_itself() -> None:
+    """Two numbers that scatter against each other and move alike by a tenth of a standard deviation."""
+    rng = np.random.default_rng(7)
+    n, ones = 40, np.ones(40)
+    scatter = rng.standard_normal(n)
+    y = np.column_stack([scatter, -scatter]) + 0.02 * rng.standard_normal((n, 2))
+    y[20:] += 0.1
+    alone, both = np.array([1.0, 0.0]), np.array([1.0, 1.0])
+    whole = Watched(y, ones, 10, (ones[:, None],), np.stack([alone, both]))
+    found = log_evidence(whole)
+    np.testing.assert_array_equal(found[:, 2], found[:, 0])  # weighed by one number alone, that number
+    assert found[:, :3].max() < 3.0
+    assert found[:10, 3].max() < np.log(100.0)
+    assert found[-1, 3] > np.log(1e6)
+    began = onset(whole, 3)
+    assert (began.low <= 11 <= began.high, began.shape) == (True, STEP)
