@@ -16,6 +16,7 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
+from numpy.typing import NDArray
 from pydantic import Field
 
 from sma_bayes.arrays import Floats, Ints
@@ -76,6 +77,10 @@ FREQUENCY_DIGITS: Final = 3
 """Significant digits in which frequencies of one test agree."""
 MOST_FREQUENCIES: Final = 60
 FEWEST_ROWS: Final = 10
+ONE_BRANCH: Final = "one-branch"
+"""Finding that is told of no export: nothing is said about a hysteresis, and each ramp may be a step of its own."""
+NOT_OF_A_PEAK: Final = frozenset({"no-transformation", ONE_BRANCH})
+"""Findings that are not told of a loss modulus, which follows no trend."""
 AS_EXPORTED: Final = frozenset({"cut", "header", "preamble", "units"})
 """Findings about a table that are told of no export: each has lines above its data, and nobody declared where a step
 ends."""
@@ -91,6 +96,7 @@ _SLASHED = re.compile(r"(.*?)\s*/\s*([^/\s]+)\s*")
 _SUFFIXED = re.compile(r"(.*)_(degC|C|K|degF|[kMG]?Pa|[km]?Hz|s|min|h)")
 _SPACED = re.compile(r"(.*\S)\s+(°C|ºC|℃|°F|K|[kMG]?Pa|[km]?Hz|rad/s|s|min|h)")
 _SIGNAL = re.compile(r"sig(\d+)", re.IGNORECASE)
+_MARKER = re.compile(r"-[1-9](\.0*)?")
 _STEP = re.compile(r"\s*\[step\]\s*", re.IGNORECASE)
 _INTERVAL = re.compile(r'"?Interval data:', re.IGNORECASE)
 _PLAIN = {
@@ -327,7 +333,11 @@ def _tests(path: Path, stem: str, options: DmtaOptions, left_out: list[str]) -> 
         if below.size:
             message = f"{many(below.size, 'line')} below the data, left out"
             seen.append(rows_finding("below", message, below))
+        if reading.encoding == "cp1252" and not options.encoding and table.above:
+            seen.append(Finding("encoding", "the text is no UTF-8 and was read as cp1252"))
         table = replace(table, findings=tuple(seen))
+        if all(len(c) == table.row.size for c in table.columns):
+            table = _without_markers(_without_text_below(table))
         test = _understood(name, path, table, options, alone=len(parts) == 1)
         if test is None:
             left_out.append(f"{name}: no table of temperature and storage modulus")
@@ -384,10 +394,44 @@ def _starts(lines: Sequence[str]) -> Iterator[tuple[int, int, str]]:
 def _end_of_data(lines: Sequence[str], begin: int, end: int) -> int:
     """Number of the last line, counted from 1, that begins with a number or has several."""
     for last in range(end, begin, -1):
-        cells = re.split(r"[\s;,|]+", lines[last - 1].strip())
-        if looks_numeric(cells[0]) or sum(map(looks_numeric, cells)) > 1:
+        if _has_numbers(re.split(r"[\s;,|]+", lines[last - 1].strip())):
             return last
     return end
+
+
+def _has_numbers(cells: Sequence[object]) -> bool:
+    """Whether a row begins with a number or has several."""
+    return looks_numeric(cells[0]) or sum(map(looks_numeric, cells)) > 1
+
+
+def _without_text_below(table: RawTable) -> RawTable:
+    """Without the rows of text below the data of a sheet."""
+    cells = list(zip(*table.columns, strict=True))
+    last = max((i for i, row in enumerate(cells) if _has_numbers(row)), default=len(cells) - 1)
+    below = np.arange(len(cells)) > last
+    return _without(
+        table, below, "below", f"{many(int(below.sum()), 'row')} of text below the data, left out"
+    )
+
+
+def _without_markers(table: RawTable) -> RawTable:
+    """Without the rows by which Universal Analysis marks an event: a code, -1 to -9, in place of the time or of all."""
+    signals = _signals(table)
+    timed = _name_of(signals.get(1, ""))[0] == "time"
+    marks = np.array([
+        bool(signals) and _MARKER.fullmatch(str(row[0]).strip()) is not None and (timed or len(set(row)) == 1)
+        for row in zip(*table.columns, strict=True)
+    ])  # fmt: skip
+    return _without(table, marks, "marker", f"{many(int(marks.sum()), 'row')} that mark an event, left out")
+
+
+def _without(table: RawTable, rows: NDArray[np.bool_], kind: str, message: str) -> RawTable:
+    """Without some rows, which a finding names."""
+    if not rows.any():
+        return table
+    columns = tuple([cell for cell, out in zip(c, rows, strict=True) if not out] for c in table.columns)
+    findings = (*table.findings, rows_finding(kind, message, table.row[rows]))
+    return replace(table, columns=columns, row=table.row[~rows], findings=findings)
 
 
 def encoding_of(path: Path) -> str | None:
@@ -445,8 +489,6 @@ def _understood(
             unit = _readable(unit, quantity, name, options, path)
             values = convert(values, unit, UNITS[quantity], what=name)
         columns.append(_Column(quantity, name, unit, frequency, values))
-    if not options.encoding and table.above and encoding_of(path) == "cp1252":
-        findings.append(Finding("encoding", "the text is no UTF-8 and was read as cp1252"))
     named = tuple(replace(f, file=f.file or path.name) for f in findings)
     test = _Test(label, path, table.row, tuple(columns), named)
     _refuse_impossible(test)
@@ -456,11 +498,7 @@ def _understood(
 def _header(table: RawTable) -> tuple[int | None, list[str], list[str | None]]:
     """Line of the names, names of the columns, and units as far as a row of its own states them."""
     width = len(table.columns)
-    signals = {}
-    for _, cells in table.above:
-        match = _SIGNAL.fullmatch(str(cells[0]).strip()) if cells and cells[0] is not None else None
-        if match:
-            signals[int(match[1])] = " ".join(str(c) for c in cells[1:] if not is_blank(c))
+    signals = _signals(table)
     if signals:
         last = max(signals)
         return None, [signals.get(i, "") for i in range(1, last + 1)], [None] * last
@@ -476,6 +514,16 @@ def _header(table: RawTable) -> tuple[int | None, list[str], list[str | None]]:
             row = list(table.names)  # names with blanks in them, over columns set apart by blanks
         return line, row, [*units, *[None] * len(row)][: len(row)]
     return None, [""] * width, [None] * width
+
+
+def _signals(table: RawTable) -> dict[int, str]:
+    """Names of the columns by their number, as Universal Analysis writes them above the data."""
+    found = {}
+    for _, cells in table.above:
+        match = _SIGNAL.fullmatch(str(cells[0]).strip()) if cells and cells[0] is not None else None
+        if match:
+            found[int(match[1])] = " ".join(str(c) for c in cells[1:] if not is_blank(c))
+    return found
 
 
 def _refuse_misfit(line: int | None, names: Sequence[str], table: RawTable, path: Path) -> None:
@@ -681,14 +729,14 @@ def _sweeps_of(test: _Test, options: DmtaOptions) -> tuple[list[DmtaSweep], list
         except MeasurementError as error:
             left_out.append(f"{name}: {error.found}")
             continue
-        findings += seen
+        findings += [f for f in seen if f.kind != ONE_BRANCH]
         losses: dict[Branch, Record] = {}
         if "loss_modulus" in moduli:
             run = _run_of(test, f"{name}-loss", frequency, rows, moduli["loss_modulus"])
             try:
                 found, seen = _split(run, options)
                 losses = {r.branch: r for r in found}
-                findings += [f for f in seen if f.kind != "no-transformation"]  # a peak follows no trend
+                findings += [f for f in seen if f.kind not in NOT_OF_A_PEAK]
             except MeasurementError as error:
                 left_out.append(f"{name}, loss modulus: {error.found}")
         for record in storage:

@@ -95,9 +95,10 @@ def shape_of(sample: Sequence[Sequence[object]], reading: Reading) -> RowShape:
         int(i) for i in np.flatnonzero(2 * numbers.sum(axis=0) >= (~empty).sum(axis=0)) if i in ever_filled
     )
     filled = int(ever_filled[-1]) + 1
-    return RowShape(
-        width, filled, numeric, len(rows) / len(sample) * float(numbers.sum() / max(1, (~empty).sum()))
-    )
+    some = list(numeric)  # a line of words with a number among them, above the data, is no row
+    data = 2 * numbers[:, some].sum(axis=1) >= (~empty[:, some]).sum(axis=1)
+    share = float(numbers[data].sum() / max(1, (~empty[data]).sum()))
+    return RowShape(width, filled, numeric, int(data.sum()) / len(sample) * share)
 
 
 def tabulate(

@@ -87,6 +87,7 @@ def test_trios_steps_are_tests_of_their_own(tmp_path: Path) -> None:
     found = read_dmta([write(tmp_path / "strip.txt", lines)])
     assert [s.id for s in found.sweeps] == ["strip-Ramp_up-1Hz-heating", "strip-Ramp_down-1Hz-cooling"]
     assert found.left_out == ("strip-Conditioning: no table of temperature and storage modulus",)
+    assert "one-branch" not in {f.kind for f in found.findings}  # each ramp is a step
 
 
 def test_universal_analysis_numbers_its_signals_above_the_data(tmp_path: Path) -> None:
@@ -98,6 +99,39 @@ def test_universal_analysis_numbers_its_signals_above_the_data(tmp_path: Path) -
     found = read_dmta([write(tmp_path / "q800.txt", [*head, *body], "cp1252")])
     require_known(found)
     assert "encoding" in {f.kind for f in found.findings}
+
+
+def test_universal_analysis_states_the_size_and_marks_events(tmp_path: Path) -> None:
+    """Settings are sentences with numbers among them, and rows of codes stand between the readings."""
+    signals = (
+        "Time (min)",
+        "Temperature (°C)",
+        "Storage Modulus (MPa)",
+        "Loss Modulus (MPa)",
+        "Frequency (Hz)",
+        "Amplitude (µm)",
+    )
+    head = ["CLOSED\t1", "Run\t1", "Size\t17.5000 x 5.0000 x 0.5000 mm", "Nsig\t6"]
+    head += [*(f"Sig{i}\t{name}" for i, name in enumerate(signals, start=1))]
+    head += ["OrgMethod\t1: Equilibrate at 20.00 °C", "StartOfData"]
+    body = [
+        f"{i / 60:.5f}\t{row}\t15.0"
+        for i, row in enumerate(rows(ident, in_mpa(storage), in_mpa(loss), None, delimiter="\t"))
+    ]
+    marked = ["-2.00000" + "\t0.00000" * 5, *body[:20], "\t".join(["-3.00000"] * 6), *body[20:]]
+    found = read_dmta([write(tmp_path / "q800.txt", [*head, *marked], "utf-16")])
+    require_known(found)
+    (marks,) = [f for f in found.findings if f.kind == "marker"]
+    assert marks.message == "2 rows that mark an event, left out"
+    assert list(marks.rows) == [len(head) + 1, len(head) + 22]
+
+
+def test_a_negative_time_of_other_programs_is_no_mark(tmp_path: Path) -> None:
+    head = ["time_s,temperature_C,storage_modulus_MPa,loss_modulus_MPa,frequency_Hz"]
+    body = [f"{i - 3},{row}" for i, row in enumerate(rows(ident, in_mpa(storage), in_mpa(loss), None))]
+    found = read_dmta([write(tmp_path / "own.csv", [*head, *body])])
+    require_known(found)
+    assert "marker" not in {f.kind for f in found.findings}
 
 
 def test_proteus_states_unit_and_frequency_in_the_name(tmp_path: Path) -> None:
@@ -212,9 +246,12 @@ def test_sheets_of_a_workbook(tmp_path: Path) -> None:
     for t in T:
         at = np.array([t])
         sheet.append([t + 273.15, float(storage(at)[0]), float(loss(at)[0]), 1.0])
+    sheet.append(["Onset 40.1 °C"])
+    sheet.append([None, "Operator", 7])
     book.save(tmp_path / "trios.xlsx")
     found = read_dmta([tmp_path / "trios.xlsx"])
     require_known(found)
+    assert [(f.kind, f.rows) for f in found.findings] == [("below", (T.size + 4, T.size + 5))]
     assert found.sweeps[0].id == "trios-Ramp-1Hz-heating"
     assert found.left_out == ("trios-Details: no table of temperature and storage modulus",)
 
