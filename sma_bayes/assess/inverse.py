@@ -25,6 +25,8 @@ REFINED_POINTS = 201
 """Further temperatures about each passage, so that a short stretch between two of the others is not missed."""
 SIGNIFICANT_STANDARD_ERRORS = 3.0
 """Standard errors of a probability from which on it is less than another [1]."""
+FEW_PASSAGES = 4
+"""More passages than these, as a curve with two humps has, tell that curves stay near the value and wind about it."""
 _BISECTIONS = 50
 
 

@@ -13,6 +13,7 @@ import pytest
 import sma_bayes
 from sma_bayes import fit_campaign
 from sma_bayes.runs.documents import sealed
+from sma_bayes.studies.ask.terminal import answer_text
 
 
 @pytest.fixture(scope="module")
@@ -44,6 +45,21 @@ def test_people_get_a_few_lines(run: Callable[..., object], folder: Path) -> Non
     assert "rising at" in outcome.out
     assert max(map(len, outcome.out.splitlines())) < 120
     assert run("ask", folder, "--force", "1.5 N", "--quiet").out == ""
+
+
+def test_curves_that_wind_about_a_value_are_one_line(
+    folder: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    document = sma_bayes.ask(folder, force="1.5 N", branch="heating")
+    (answer,) = document["answers"]
+    (passage,) = answer["passages"]
+    answer["passages"] = [
+        {**passage, "low": 40.0 + i, "high": 42.0 + i, "direction": ("rising", "falling")[i % 2]}
+        for i in range(6)
+    ]
+    told = answer_text(document)
+    assert "up and down, 6 times a curve, between 40 and 47 °C: they wind about the value there" in told
+    assert "rising at" not in told
 
 
 def test_what_is_not_reached_is_an_answer(run: Callable[..., object], folder: Path) -> None:

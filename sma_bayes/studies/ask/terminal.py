@@ -7,6 +7,7 @@ from typing import Any, Final
 
 from rich.table import Table
 
+from sma_bayes.assess.inverse import FEW_PASSAGES
 from sma_bayes.errors import many
 from sma_bayes.quantities import QUANTITIES, unit_text
 from sma_bayes.report.notation import write, write_interval
@@ -179,11 +180,14 @@ def _answer_lines(a: StatedAnswer, level: float) -> list[str]:
         lines.append(f"  {NOT_CONVERGED}")
     wanted = f"{symbol} = {a.target:.5g} {unit}".rstrip()
     lines.append(f"  {wanted} is reached there with probability {a.reachable:.3f}{_unreached(a)}")
-    lines += [
-        f"    {p.direction} at {_passage_text(p, degrees)}, with probability {p.probability:.3f}{_mark(p)}"
-        for p in a.passages
-        if p.probability >= RARE
-    ]
+    often = [p for p in a.passages if p.probability >= RARE]
+    if len(often) > FEW_PASSAGES:
+        lines.append(f"    {_wound_text(often, degrees)}")
+    else:
+        lines += [
+            f"    {p.direction} at {_passage_text(p, degrees)}, with probability {p.probability:.3f}{_mark(p)}"
+            for p in often
+        ]
     if rare := sum(p.probability < RARE for p in a.passages):
         each = "each " if rare > 1 else ""
         lines.append(
@@ -205,6 +209,18 @@ def _answer_lines(a: StatedAnswer, level: float) -> list[str]:
     if a.caution:
         lines.append(f"  caution: {a.caution}")
     return lines
+
+
+def _wound_text(passages: Sequence[StatedPassage], degrees: str) -> str:
+    """Where curves wind about a value, which each passes many times."""
+    times = sum(p.probability for p in passages)
+    low = min(p.low for p in passages if p.low is not None)
+    high = max(p.high for p in passages if p.high is not None)
+    mark = next((_mark(p) for p in passages if p.extrapolated), "")
+    return (
+        f"up and down, {times:.0f} times a curve, between {low:.4g} and {high:.4g} {degrees}{mark}: they "
+        "wind about the value there"
+    )
 
 
 def _passage_text(p: StatedPassage, degrees: str) -> str:

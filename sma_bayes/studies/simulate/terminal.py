@@ -8,6 +8,7 @@ from typing import Any, Final
 
 from rich.table import Table
 
+from sma_bayes.assess.inverse import FEW_PASSAGES
 from sma_bayes.errors import many
 from sma_bayes.report.notation import interval_text, unit_label, write_interval
 from sma_bayes.report.screen import NOT_CONVERGED, numbers, screen, show_end, titled
@@ -15,6 +16,7 @@ from sma_bayes.runs.declared_units import units_of
 from sma_bayes.runs.shown import shown_part
 from sma_bayes.studies.gap.schema import HeatParameter
 from sma_bayes.studies.simulate.schema import (
+    CurrentPassage,
     ReachDocument,
     ReachOfCondition,
     SimulatedRun,
@@ -142,17 +144,30 @@ def reach_texts(reach: ReachDocument) -> Iterator[list[str]]:
 
 def _current_text(c: ReachOfCondition) -> str:
     often = [p for p in c.passages if p.probability >= LEAST_PASSING_SHARE]
-    told = [
-        f"{interval_text(p.median, p.q05, p.q95)} A ({p.direction}, in {p.probability:.0%} of the draws"
-        f"{', beyond the measured currents' if p.beyond_measured else ''})"
-        for p in often
-    ]
+    told = (
+        [_wound_text(often)]
+        if len(often) > FEW_PASSAGES
+        else [
+            f"{interval_text(p.median, p.q05, p.q95)} A ({p.direction}, in {p.probability:.0%} of the draws"
+            f"{', beyond the measured currents' if p.beyond_measured else ''})"
+            for p in often
+        ]
+    )
     if len(often) < len(c.passages):
         told.append(
             f"{many(len(c.passages) - len(often), 'other')} in less than {LEAST_PASSING_SHARE:.0%} of the draws each"
         )
     reachable = f"reached within the measured temperatures with probability {c.reachable:.3g}"
     return f"{'; '.join(told) or 'none'}; {reachable}"
+
+
+def _wound_text(passages: Sequence[CurrentPassage]) -> str:
+    """Between which currents draws wind about a value, which each passes many times."""
+    times = sum(p.probability for p in passages)
+    low, high = min(p.quantiles[0] for p in passages), max(p.quantiles[2] for p in passages)
+    beyond = ", beyond the measured currents" if any(p.beyond_measured for p in passages) else ""
+    between = f"between {low:.3g} and {high:.3g} A{beyond}"
+    return f"up and down, {times:.0f} times a draw, {between}: they wind about the value there"
 
 
 def _surely(c: ReachOfCondition, probability: float) -> str:
