@@ -54,6 +54,7 @@ class LogLines:
     _begun: float = field(default_factory=lambda: time.monotonic(), init=False)
     _line: float = field(default=0.0, init=False)
     _last: str = field(default="", init=False)
+    _told: str = field(default="", init=False)
     _announced: bool = field(default=False, init=False)
 
     def __call__(self, done: int, total: int, message: str) -> None:
@@ -88,10 +89,11 @@ class LogLines:
     def still(self) -> None:
         """Tell that the run goes on, where nothing was told for long."""
         if self.elapsed - self._line >= max(self.every, LINE_S):
-            self._print(f"still at {self._last}" if self._last else "still reading")
+            moved = self._last != self._told
+            self._print(self._last if moved else f"still at {self._last}" if self._last else "still reading")
 
     def _print(self, text: str) -> None:
-        self._line = self.elapsed
+        self._line, self._told = self.elapsed, self._last
         print(f"[{elapsed(self._line)}] {text}", file=self.file, flush=True)
 
 

@@ -167,3 +167,22 @@ def test_the_watch_is_over_at_the_end() -> None:
     with log_lines():
         assert threading.active_count() == before + 1
     assert threading.active_count() == before
+
+
+def test_a_run_that_went_on_unseen_is_not_said_to_be_still_there(clock: Callable[[float], None]) -> None:
+    """Steps between two lines are told by the next, whoever prints it."""
+    out = io.StringIO()
+    lines = LogLines(file=out, tasks=False)
+    clock(LINE_S)
+    lines(1, 9, "checking")
+    clock(0.9 * LINE_S)
+    lines(4, 9, "checking")
+    clock(0.1 * LINE_S)
+    lines.still()
+    clock(LINE_S)
+    lines.still()
+    assert out.getvalue().splitlines() == [
+        "[30 s] 1 of 9: checking",
+        "[60 s] 4 of 9: checking",
+        "[90 s] still at 4 of 9: checking",
+    ]
