@@ -28,6 +28,8 @@ from sma_bayes.studies.simulate.terminal import start_text
 LOOKS: Final = {"cold": "#1f6fb2", "hot": "#c8501e", "heating": "#2f7d4f", "cooling": "#6a3d9a"}
 DASHES: Final[dict[str, Literal["-", "--"]]] = {"cold": "-", "hot": "--", "heating": "-", "cooling": "--"}
 
+LEAST_SHARE_TOLD: Final = 0.1
+"""Share of a course in which a stiffness has to be told that its axis is kept to that."""
 NEGATIVE_STIFFNESS_SHARE: Final = 0.02
 """Share of a course in which the band of a stiffness may reach below nought without that its axis does."""
 
@@ -86,7 +88,8 @@ def course_figure(stored: StoredSimulation, condition: str) -> Drawing:
         stem=f"course-{condition}",
         caption=(
             f"{condition}: current, and temperature, {', '.join(first.names[c] for c in channels[1:])} that it makes. "
-            "Lines are medians, inner bands hold 90 % of the curve, outer ones 90 % of another run."
+            "Lines are medians, inner bands hold 90 % of the curve, outer ones 90 % of another run. A "
+            "band that is wider than its median by far leaves its axis."
         ),
         alt=f"current, temperature and response of {condition} in time, with bands",
         figure=figure,
@@ -114,11 +117,18 @@ def _shown(run: SimulatedRun, channel: str, band: Mapping[str, Floats], quantile
 
 
 def _limit(ax: Any, bands: list[tuple[Mapping[str, Floats], SimulatedRun]], channel: str) -> None:
-    """Keep an axis to where the median goes, as a slope may have bands without end, at some instants of either sign."""
+    """Keep an axis to where the median goes, as a slope may have bands without end, at some instants of either sign.
+
+    Where a stiffness is told at some instants, to within its own size, only these count.
+    """
     middle = np.concatenate([_shown(r, channel, b, "q50") for b, r in bands])
     lower, upper = (
         np.concatenate([_shown(r, channel, b, q) for b, r in bands]) for q in ("pred_q05", "pred_q95")
     )
+    if channel == "stiffness":
+        told = upper - lower < 2.0 * np.abs(middle)
+        if np.mean(told) >= LEAST_SHARE_TOLD:
+            middle, lower, upper = middle[told], lower[told], upper[told]
     edges = np.concatenate([lower, upper])
     middle, edges, lower = (v[np.isfinite(v)] for v in (middle, edges, lower))
     if not middle.size or not edges.size:
@@ -130,4 +140,4 @@ def _limit(ax: Any, bands: list[tuple[Mapping[str, Floats], SimulatedRun]], chan
     positive = (
         channel == "stiffness" and middle.min() > 0.0 and np.mean(lower < 0.0) < NEGATIVE_STIFFNESS_SHARE
     )
-    ax.set_ylim(0.0 if positive and least < pad else least - pad, most + pad)
+    ax.set_ylim(0.0 if positive and least < max(pad, 0.5 * most) else least - pad, most + pad)

@@ -4,15 +4,17 @@ from __future__ import annotations
 
 import csv
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
 import pytest
+from matplotlib.figure import Figure
 
 import sma_bayes
 from sma_bayes.runs.documents import SIMULATION
 from sma_bayes.runs.finished_run import read_finished
-from sma_bayes.studies.simulate.figures.course import course_figure
+from sma_bayes.studies.simulate.figures.course import _limit, course_figure
 from sma_bayes.studies.simulate.schema import SimulationDocument
 from sma_bayes.studies.simulate.terminal import with_starts
 
@@ -214,3 +216,20 @@ def test_the_axis_of_a_positive_stiffness_begins_at_nought(folder: Path) -> None
     assert 0.0 < np.mean(edges < 0.0) < 0.02
     assert axes[-1].get_ylabel() == "K [N/mm]"
     assert axes[-1].get_ylim()[0] == 0.0
+
+
+def test_the_axis_of_a_stiffness_is_kept_to_where_it_is_told() -> None:
+    """A stiffness near 110 N/m for most of the time, and between -3000 and 4000 N/m where nothing transforms."""
+    at = np.arange(100)
+    unknown = at >= 70
+    band = {
+        "stiffness_q50 [N/m]": np.where(unknown, 420.0 - 10.0 * at, 110.0 + np.sin(at)),
+        "stiffness_pred_q05 [N/m]": np.where(unknown, -3000.0, 90.0),
+        "stiffness_pred_q95 [N/m]": np.where(unknown, 4000.0, 135.0),
+    }
+    run: Any = SimpleNamespace(units={"stiffness": "N/m"}, declared_units={})
+    ax = Figure().subplots()
+    _limit(ax, [(band, run)], "stiffness")
+    low, high = ax.get_ylim()
+    assert 0.0 <= low < 90.0
+    assert 135.0 < high < 300.0
