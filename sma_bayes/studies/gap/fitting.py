@@ -157,6 +157,13 @@ def fit_hypothesis(hypothesis: Hypothesis, start: Floats, noise: Noise) -> Fitte
     return problem.fitted(problem.climb(np.asarray(start, dtype=float), noise), noise)
 
 
+def log_posterior(fitted: FittedHypothesis, z: Floats) -> Floats:
+    """Log of prior times likelihood at sampled coordinates (S, D), under the noise of a fit, shape (S,)."""
+    problem = _PosteriorMode(fitted.hypothesis)
+    likelihood = np.array([problem.log_likelihood(one, fitted.noise) for one in z])
+    return np.asarray(likelihood + fitted.hypothesis.space.log_prior(z))
+
+
 def climbed(
     hypothesis: Hypothesis, start: Floats, noise: Noise, steps: int, held: int
 ) -> tuple[Floats, float]:

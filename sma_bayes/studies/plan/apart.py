@@ -31,7 +31,9 @@ from scipy.stats.qmc import MultivariateNormalQMC
 
 from sma_bayes.arrays import Floats
 from sma_bayes.records.history import History
-from sma_bayes.studies.gap.fitting import DIFFERENCE_STEP, FittedHypothesis
+from sma_bayes.sampling.pareto import smoothed_weights
+from sma_bayes.sampling.weighted import resampled
+from sma_bayes.studies.gap.fitting import DIFFERENCE_STEP, FittedHypothesis, log_posterior
 from sma_bayes.studies.gap.hypothesis import Hypothesis
 from sma_bayes.studies.gap.noise import BlockNoise, ChannelBlock, blocks_of, whiten
 from sma_bayes.studies.plan.candidates import CandidateExperiment
@@ -53,7 +55,7 @@ class Explanation:
         Id of its effect; empty for none.
     fitted : FittedHypothesis
     draws : ndarray, shape (S, D)
-        Of the sampled coordinates, by the normal approximation at the mode.
+        Of the posterior of the sampled coordinates, as far as the normal approximation at the mode reaches it.
     """
 
     name: str
@@ -64,11 +66,15 @@ class Explanation:
     def of(name: str, fitted: FittedHypothesis, rng: np.random.Generator, size: int = DRAWS) -> Explanation:
         """With draws about its mode.
 
-        Scrambled Sobol' points: a mean over as many independent ones would be several times less sure.
+        Scrambled Sobol' points of the normal approximation, resampled by their smoothed weights: a time constant that
+        is hardly known has normal draws which no measurement allows, and what these would come to is beyond all bounds.
         """
-        return Explanation(
-            name, fitted, MultivariateNormalQMC(fitted.z, fitted.covariance, seed=rng).random(size)
-        )
+        points = MultivariateNormalQMC(fitted.z, fitted.covariance, seed=rng).random(max(size, DRAWS))
+        away = (points - fitted.z) @ np.linalg.cholesky(fitted.precision)
+        with np.errstate(all="ignore"):
+            log_ratio = log_posterior(fitted, points) + 0.5 * np.sum(away**2, axis=1)
+        log_weight, _ = smoothed_weights(log_ratio[:, None])
+        return Explanation(name, fitted, points[resampled(log_weight[:, 0], size, rng)])
 
 
 def further(candidate: CandidateExperiment, like: History) -> History:

@@ -6,6 +6,7 @@ import sys
 from collections.abc import Callable, Mapping
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -119,14 +120,47 @@ def test_probabilities_are_those_of_simulated_bayes_factors(threshold: float) ->
     assert np.mean(said) == pytest.approx(np.mean(happened), abs=0.02)
 
 
-def test_probabilities_hardly_depend_on_which_draws_there_are() -> None:
+def _normal(root: np.ndarray) -> Any:
+    """A fit at 0, 1, 2 ... with a covariance."""
+    covariance = root @ root.T
+    return SimpleNamespace(
+        z=np.arange(float(len(root))), covariance=covariance, precision=np.linalg.inv(covariance)
+    )
+
+
+def test_draws_are_of_the_posterior_and_not_of_its_normal_approximation(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """What the measurements rule out is not drawn: here all beyond the mode one way, which leaves half a normal.
+
+    Its mean is -sqrt(2/pi), to five standard errors of independent draws.
+    """
+    fitted = _normal(np.diag([2.0, 0.5]))
+
+    def half(_: object, z: np.ndarray) -> np.ndarray:
+        beyond = z[:, 0] > fitted.z[0]
+        return np.where(beyond, -1e4, multivariate_normal(fitted.z, fitted.covariance).logpdf(z))
+
+    monkeypatch.setattr("sma_bayes.studies.plan.apart.log_posterior", half)
+    draws = Explanation.of("", fitted, np.random.default_rng(0)).draws
+    assert draws.shape == (DRAWS, 2)
+    assert np.all(draws[:, 0] <= fitted.z[0])
+    away = (draws - fitted.z) / np.array([2.0, 0.5])
+    np.testing.assert_allclose(away.mean(axis=0), [-np.sqrt(2.0 / np.pi), 0.0], atol=5.0 / np.sqrt(DRAWS))
+    (one,) = Explanation.of("", fitted, np.random.default_rng(1), 1).draws
+    assert one[0] <= fitted.z[0]
+
+
+def test_probabilities_hardly_depend_on_which_draws_there_are(monkeypatch: pytest.MonkeyPatch) -> None:
     """Over 16 seeds a mean of probabilities scatters less than half as much as over as many independent draws.
 
     Mean and covariance of all draws are within five standard errors of independent ones.
     """
     rng = np.random.default_rng(3)
     root = np.tril(rng.standard_normal((8, 8))) + 3.0 * np.eye(8)
-    fitted = SimpleNamespace(z=np.arange(8.0), covariance=root @ root.T)
+    fitted = _normal(root)
+    density = multivariate_normal(fitted.z, fitted.covariance)
+    monkeypatch.setattr("sma_bayes.studies.plan.apart.log_posterior", lambda _, z: density.logpdf(z))
     draws = [Explanation.of("", fitted, np.random.default_rng(seed)).draws for seed in range(16)]
     away = [np.linalg.solve(root, (d - fitted.z).T).T for d in draws]
     chance = [norm.cdf(3.0 * a[:, 0] + a[:, 1]) for a in away]
