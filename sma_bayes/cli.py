@@ -16,7 +16,7 @@ from pathlib import Path
 from typing import Annotated, Any
 
 import typer
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup, TyperOption
 
 from sma_bayes import __version__
 from sma_bayes.errors import SmaBayesError
@@ -49,6 +49,22 @@ class VerbGroup(TyperGroup):
             formatter.write_dl(rows)
 
 
+class VerbCommand(TyperCommand):
+    """A verb that refuses an option of one value that is given twice, of which the parser would take the last."""
+
+    def parse_args(self, ctx: typer.Context, args: list[str]) -> list[str]:  # type: ignore[override]
+        """Arguments that are left; the call ends with status 2 where an option stands there too often."""
+        if not ctx.resilient_parsing:
+            _, _, given = self.make_parser(ctx).parse_args(args=list(args))
+            for option in self.get_params(ctx):
+                one_value = isinstance(option, TyperOption) and not option.multiple and not option.is_flag
+                if one_value and (times := given.count(option)) > 1:
+                    ctx.fail(
+                        f"Option '{option.opts[0]}' was given {times} times: it takes one value, give it once."
+                    )
+        return super().parse_args(ctx, args)
+
+
 def command_of_verb(verb: str) -> Any:
     """Command of a verb, with its options, as the program runs it.
 
@@ -58,7 +74,7 @@ def command_of_verb(verb: str) -> Any:
         If another package provides the verb, and it can't be loaded.
     """
     alone = typer.Typer(add_completion=False, pretty_exceptions_enable=False, rich_markup_mode=None)
-    alone.command(verb)(command_of(verb))
+    alone.command(verb, cls=VerbCommand)(command_of(verb))
     return typer.main.get_command(alone)
 
 
