@@ -26,6 +26,7 @@ from dataclasses import dataclass
 from itertools import islice
 from typing import Any, Generic, TypeVar
 
+import numpy as np
 from threadpoolctl import threadpool_limits
 
 from sma_bayes.account import Account
@@ -41,6 +42,9 @@ WORKER_IDLE_S = 21_600.0
 
 By joblib's default, 300 s, a stage that follows another after five minutes may hand out tasks just as the processes
 retire, and wait for ever: seen once on a busy machine, with joblib 1.6."""
+
+KEPT_BYTES = 31 * 2**20
+"""Freed memory that a process keeps for its next arrays [B]; glibc takes no more than 32 MiB for a threshold."""
 
 LEAST_SAVING_S = 4.0
 """Time that processes have to save on light tasks, to be started for them [s]; to start two takes half of it."""
@@ -170,10 +174,21 @@ def _here_first(
 
 def _timed(task: Callable[[T], R], item: T) -> _Done[R]:
     """Do a task on one thread: linear algebra on several may round differently."""
+    _keep_freed_memory()
     wall, cpu = time.perf_counter(), time.process_time()
     with threadpool_limits(limits=1):
         result = task(item)
     return _Done(result, time.perf_counter() - wall, time.process_time() - cpu)
+
+
+def _keep_freed_memory() -> None:
+    """Let the C library keep what is freed, not give it back to the system and ask for it anew, page by page.
+
+    glibc gives freed memory back above a threshold, 128 KiB at first, that rises to the size of the largest array
+    freed so far (man 3 mallopt, M_MMAP_THRESHOLD and M_TRIM_THRESHOLD). Arrays of a task are mostly larger than
+    that. One is made and freed here, of whose memory nothing is touched; other C libraries take no notice.
+    """
+    np.empty(KEPT_BYTES, dtype=np.uint8)
 
 
 def _on_processes(

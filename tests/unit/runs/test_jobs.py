@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import platform
 import signal
 import time
 from multiprocessing import active_children
@@ -134,3 +135,20 @@ def test_no_more_processes_than_tasks() -> None:
     assert processes(8, 3) == 3
     assert processes(None, 100) == min(100, os.cpu_count() or 1)
     assert processes(1, 0) == 1
+
+
+def pages_asked_for(times: int) -> int:
+    """Pages that a process asks the system for while it makes ten arrays of 1 MB and frees them, so many times."""
+    import resource
+
+    before = resource.getrusage(resource.RUSAGE_SELF).ru_minflt
+    for _ in range(times):
+        assert len([np.ones(125_000) for _ in range(10)]) == 10
+    return resource.getrusage(resource.RUSAGE_SELF).ru_minflt - before
+
+
+@pytest.mark.skipif(platform.libc_ver()[0] != "glibc", reason="of the C library's own threshold")
+def test_freed_memory_is_used_again() -> None:
+    times, pages_of_once = 20, 10_000_000 / 4096
+    for pages in run(pages_asked_for, [times, times], 2):
+        assert pages < 2 * pages_of_once
