@@ -465,6 +465,23 @@ def test_a_table_of_one_row_stays_where_a_figure_after_it_does_not_fit(tmp_path:
     assert linked_pages(out) == [{b"text", b"row"}, {b"figure"}]
 
 
+def test_a_command_is_printed_below_what_introduces_it(tmp_path: Path) -> None:
+    """It stood alone on the last page, wherever the page before ended."""
+    style = (resources.files("sma_bayes.report") / "templates" / "report.css").read_text(encoding="utf-8")
+    link = '<a href="https://example.org/{0}">{0}</a>'
+    page, out = tmp_path / "page.html", tmp_path / "page.pdf"
+    parts = "".join(
+        f"<section style='break-before: page'><div style='height: {height}mm'></div>"
+        f"<p>{link.format(f'says{height}')}</p><pre>{link.format(f'does{height}')}</pre></section>"
+        for height in range(210, 250, 3)
+    )
+    page.write_text(f"<!DOCTYPE html><style>{style}</style>{parts}", encoding="utf-8")
+    browser(f"--print-to-pdf={out}", page.as_uri())
+    pages = linked_pages(out)
+    for height in range(210, 250, 3):
+        assert any({b"says%d" % height, b"does%d" % height} <= p for p in pages), height
+
+
 def test_rows_of_a_group_are_printed_under_its_name(tmp_path: Path) -> None:
     """Rows that went on over a page stood there without what they are of."""
     rows = tuple((f"group {g}", f"{g}-{r}") for g in range(30) for r in range(7))
