@@ -76,6 +76,9 @@ LABELS: Mapping[str, In] = {
     "hot_creep.w": lambda s, x: 1e-3 * 8.314462618 * hottest(s) ** 2 / x,
     "guide_friction.Fc": times(lambda s: 1e3),
     "guide_friction.x0": times(lambda s: 100.0 / s.span["displacement"]),
+    "guide_friction.v0": times(
+        lambda s: 100.0 * s.span["temperature"] / s.span["displacement"] / s.level["typical_rate"]
+    ),
     "sensor_drift.r": times(lambda s: 100.0 * s.span["time"] / s.span["force"]),
     "load_cell_thermal_drift.k": times(lambda s: 100.0 / (5.0 * s.level["force"])),
     "load_cell_thermal_drift.tau": times(lambda s: 1.0 / 60.0),
