@@ -29,7 +29,7 @@ from sma_bayes.studies.gap.fitting import (
 from sma_bayes.studies.gap.flexible import COEFFICIENT_SD_GRID, Term, TermEvidence, gains, terms_of
 from sma_bayes.studies.gap.hypothesis import Hypothesis
 from sma_bayes.studies.gap.name import Candidate
-from sma_bayes.studies.gap.noise import BlockNoise, Noise, blocks_of, whiten
+from sma_bayes.studies.gap.noise import BlockNoise, Noise, blocks_of, whiten_residual
 from sma_bayes.studies.gap.study import SIGNIFICANT_P, GapStudy, study_from
 
 NOISE_ONLY_RMS = 1.0
@@ -240,7 +240,7 @@ def predict_fold(fold: Fold) -> Predicted:
     )
     alone = by_noise_alone(final, extended, fold.study.final, *rows, np.random.default_rng((*fold.seed, 1)))
     blocks = blocks_of(test)
-    whitened = [whiten(blocks, noise, r) ** 2 for r in left]
+    whitened = [whiten_residual(blocks, noise, r) ** 2 for r in left]
     channels: dict[str, Floats] = {}
     for block in blocks:
         n = block.first.size
@@ -270,7 +270,7 @@ def held_out_scores(
         plain = fit_hypothesis(fitted.hypothesis.on(kept), fitted.z, _noise_on(fitted, kept))
         test = fitted.hypothesis.on(out)
         blocks, noise = blocks_of(test), _noise_on(fitted, out)
-        before = whiten(blocks, noise, _residual(test, plain.theta))
+        before = whiten_residual(blocks, noise, _residual(test, plain.theta))
         for candidate in candidates:
             if candidate.fitted is None:
                 continue
@@ -278,7 +278,7 @@ def held_out_scores(
                 candidate.fitted.hypothesis.on(kept), candidate.fitted.z, _noise_on(fitted, kept)
             )
             extended = candidate.fitted.hypothesis.on(out)
-            after = whiten(blocks, noise, _residual(extended, own.theta))
+            after = whiten_residual(blocks, noise, _residual(extended, own.theta))
             gained.setdefault(candidate.effect.id, []).append(0.5 * (before**2 - after**2))
     return {
         name: HeldOutScore(float(np.sum(g)), float(np.std(g) * np.sqrt(g.size)))
@@ -326,6 +326,8 @@ def by_noise_alone(
         fresh = rng.standard_normal((block.first.size, NOISE_DRAWS))
         noise[block.at] = replace(own, others=()).as_likely(fresh, rng)
     pull = train.jacobian.T @ train.whiten(noise[rows_train].T).T
+    for block, own in zip(whole.blocks, whole.noise, strict=True):  # is there, but moves no parameter
+        noise[block.at] += np.reshape(own.excess, (-1, 1))
     unit = tuple(BlockNoise(1.0, np.zeros(b.first.size)) for b in blocks_of(test))
     slopes = held_at(test, train.z, unit).jacobian
     left = noise[rows_test] - slopes @ np.linalg.solve(train.precision, pull)

@@ -82,7 +82,7 @@ class HypothesisDensity:
         total = np.zeros(len(z))
         residual = self.fitted.residual_at(z)
         for block, noise in zip(self.fitted.blocks, self.fitted.noise, strict=True):
-            w = replace(noise, sd=1.0).whiten(residual[:, block.at])
+            w = replace(noise, sd=1.0).whiten_residual(residual[:, block.at])
             total -= 0.5 * w.shape[1] * np.log(np.einsum("ij,ij->i", w, w))
         return total / self.readings_as_one
 

@@ -20,13 +20,12 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from sma_bayes.arrays import Bools, Floats, Ints
 from sma_bayes.studies.gap.fitting import FittedHypothesis, held_at
-from sma_bayes.studies.gap.noise import BlockNoise
 
 SAMPLES_PER_PARAMETER = 5
 """Samples for each parameter that tell where a curve goes."""
@@ -136,7 +135,7 @@ def _finite(x: Floats) -> tuple[Floats, Floats, Bools]:
 
 def _change(fitted: FittedHypothesis, z: Floats) -> Floats:
     """Whitened residuals (W, N) at sampled coordinates (W, D), less those at the mode."""
-    return np.asarray(fitted.whiten(fitted.residual_at(z)) - fitted.whitened)
+    return np.asarray(fitted.whiten_residual(fitted.residual_at(z)) - fitted.whitened)
 
 
 def few_samples(fitted: FittedHypothesis) -> FittedHypothesis | None:
@@ -156,7 +155,7 @@ def few_samples(fitted: FittedHypothesis) -> FittedHypothesis | None:
         return None
     few = hypothesis.on(kept)
     noise = [
-        BlockNoise(n.sd / math.sqrt(every), n.memory[kept[b.history]], n.scale_on(kept[b.history]))
+        replace(n.on(kept[b.history]), sd=n.sd / math.sqrt(every))
         for b, n in zip(fitted.blocks, fitted.noise, strict=True)
     ]
     told = held_at(few, fitted.z, tuple(noise))

@@ -21,7 +21,15 @@ from sma_bayes.effects.types import Effect
 from sma_bayes.normal import HALF_LN_2PI
 from sma_bayes.parameters.space import ParameterSpace
 from sma_bayes.studies.gap.hypothesis import Hypothesis
-from sma_bayes.studies.gap.noise import BlockNoise, ChannelBlock, Noise, blocks_of, noise_of, whiten
+from sma_bayes.studies.gap.noise import (
+    BlockNoise,
+    ChannelBlock,
+    Noise,
+    blocks_of,
+    noise_of,
+    whiten,
+    whiten_residual,
+)
 
 MODE_TOLERANCE = 5e-3
 """Gain of the log posterior in a step below which the mode is found, where residuals are as large as the noise.
@@ -114,6 +122,10 @@ class FittedHypothesis:
     def whiten(self, series: Floats) -> Floats:
         """Stacked series (..., N) as innovations of unit variance."""
         return whiten(self.blocks, self.noise, series)
+
+    def whiten_residual(self, residual: Floats) -> Floats:
+        """Stacked residuals (..., N) of a model as innovations of unit variance, see `BlockNoise.whiten_residual`."""
+        return whiten_residual(self.blocks, self.noise, residual)
 
 
 def stacked(hypothesis: Hypothesis, blocks: Sequence[ChannelBlock], theta: Floats) -> Floats:
@@ -347,7 +359,7 @@ class _PosteriorMode:
         return float(value[0]), (up - down) / (2.0 * h), np.minimum(curvature, -1e-3 / self.width**2)
 
     def log_likelihood(self, z: Floats, noise: Noise) -> float:
-        w = whiten(self.blocks, noise, self.residual(z))
+        w = whiten_residual(self.blocks, noise, self.residual(z))
         return float(-0.5 * w @ w - sum(n.log_scale for n in noise) - HALF_LN_2PI * w.size)
 
     def climb(self, z: Floats, noise: Noise, steps: int = MAX_STEPS, free: int | None = None) -> Floats:
@@ -363,7 +375,7 @@ class _PosteriorMode:
         def rows(x: Floats) -> Floats:
             at = whole(x)
             return np.concatenate(
-                [whiten(self.blocks, noise, self.residual(at)), self.prior_rows(at)[:count]]
+                [whiten_residual(self.blocks, noise, self.residual(at)), self.prior_rows(at)[:count]]
             )
 
         def slopes(x: Floats) -> Floats:
@@ -390,7 +402,7 @@ class _PosteriorMode:
 
     def fitted(self, z: Floats, noise: Noise) -> FittedHypothesis:
         residual = self.residual(z)
-        w = whiten(self.blocks, noise, residual)
+        w = whiten_residual(self.blocks, noise, residual)
         jacobian = self._jacobian(z, noise)
         prior, _, curvature = self.prior(z)
         precision = jacobian.T @ jacobian - np.diag(curvature)

@@ -51,6 +51,9 @@ LEAST_WIDTH = 0.1
 """Least width of a t distribution over the standard deviation; narrower ones are those of readings that repeat."""
 OUTLIERS_SET_ASIDE = 3
 """Greatest innovations of a record that don't make its tails heavy."""
+SIZE_STANDARD_ERRORS = 3.0
+"""Standard errors from which on the size of innovations remembers that of the sample before: then tails are those of
+noise that comes and goes, or of a misfit, and no distribution of single readings."""
 REWEIGHTING_ROUNDS = 4
 """How often scales of innovations and the noise are found in turn."""
 EM_ROUNDS = 20
@@ -135,7 +138,10 @@ class BlockNoise:
     memory : ndarray, shape (n,)
         Correlation with the sample before; 0 where nothing precedes.
     scale : ndarray, shape (n,), or float
-        Of each innovation, over the usual one: above 1 where tails are heavy and the sample is far out.
+        Of each innovation, over the usual one: where their size grows with the response, and where what passes for
+        heavy tails is a misfit.
+    excess : ndarray, shape (n,), or float
+        What heavy tails leave out of account of each residual [unit of the channel]; see `HeavyTails`.
     others : tuple of (float, BlockNoise)
         What it may be by chance, with probabilities from the restricted likelihood that add up to 1; itself included
         unless it remembers for too long, see `ChannelBlock.possible`.
@@ -148,11 +154,16 @@ class BlockNoise:
     scale: Floats | float = 1.0
     others: tuple[tuple[float, BlockNoise], ...] = ()
     switching: Scatter | None = None
+    excess: Floats | float = 0.0
 
     def whiten(self, x: Floats) -> Floats:
         """Series (..., n) as innovations of unit variance."""
         out = memory_innovations(x / self.sd, self.memory, self.scale)
         return np.asarray(out if self.switching is None else self.switching.whiten(out))
+
+    def whiten_residual(self, residual: Floats) -> Floats:
+        """Residuals (..., n) of a model as innovations of unit variance, without their excess."""
+        return self.whiten(residual - self.excess)
 
     def as_likely(self, innovations: Floats, rng: np.random.Generator) -> Floats:
         """Series (n, count) from innovations of unit variance, each with one of `others` drawn for it."""
@@ -173,10 +184,6 @@ class BlockNoise:
         size = self.sd * np.sqrt(1.0 - self.memory**2)
         return np.asarray(size[:, None] * solve_banded((0, 1), ahead, columns))
 
-    def scale_on(self, kept: NDArray[np.bool_]) -> Floats | float:
-        """Scales of the samples for which a mask is true."""
-        return self.scale if np.ndim(self.scale) == 0 else np.asarray(self.scale)[kept]
-
     @property
     def log_scale(self) -> float:
         """Sum over samples of the logarithm of the scale of an innovation."""
@@ -187,7 +194,12 @@ class BlockNoise:
     def on(self, kept: NDArray[np.bool_]) -> BlockNoise:
         """The same noise of samples for which a mask is true; without memory where the one before is not kept."""
         together = np.concatenate([[False], kept[:-1]])[kept]
-        some = BlockNoise(self.sd, np.where(together, self.memory[kept], 0.0), self.scale_on(kept))
+        some = BlockNoise(
+            self.sd,
+            np.where(together, self.memory[kept], 0.0),
+            _on(self.scale, kept),
+            excess=_on(self.excess, kept),
+        )
         if self.switching is None:
             return some
         courses = self.switching.courses[kept]
@@ -195,6 +207,11 @@ class BlockNoise:
 
 
 Noise = tuple[BlockNoise, ...]
+
+
+def _on(values: Floats | float, kept: NDArray[np.bool_]) -> Floats | float:
+    """Those of the samples for which a mask is true, of values of each sample or of all."""
+    return values if np.ndim(values) == 0 else np.asarray(values)[kept]
 
 
 def blocks_of(hypothesis: Hypothesis) -> tuple[ChannelBlock, ...]:
@@ -219,6 +236,14 @@ def whiten(blocks: Sequence[ChannelBlock], noise: Noise, series: Floats) -> Floa
     out = np.empty_like(series)
     for block, own in zip(blocks, noise, strict=True):
         out[..., block.at] = own.whiten(series[..., block.at])
+    return out
+
+
+def whiten_residual(blocks: Sequence[ChannelBlock], noise: Noise, residual: Floats) -> Floats:
+    """Stacked residuals (..., N) of a model as innovations of unit variance, without their excess."""
+    out = np.empty_like(residual)
+    for block, own in zip(blocks, noise, strict=True):
+        out[..., block.at] = own.whiten_residual(residual[..., block.at])
     return out
 
 
@@ -486,12 +511,59 @@ def block_noise(
             width = width / np.sqrt(np.mean(width**2))
             noise, innovations = _likeliest(residual, block, smooth, width, random)
     narrowest = noise.sd * float(np.sqrt(1.0 - np.median(noise.memory) ** 2))
+    tails: HeavyTails | None = None
     for _ in range(REWEIGHTING_ROUNDS if lattice < narrowest else 0):
-        scale = tail_scale(innovations / width)
-        if scale is None:
+        heavy = heavy_tails(innovations / width)
+        if heavy is None:
             break
-        noise, innovations = _likeliest(residual, block, smooth, width * scale, random)
-    return noise
+        tails = heavy
+        noise, innovations = _likeliest(residual, block, smooth, width * tails.scale, random)
+    if tails is None:
+        return noise
+    u = innovations / width
+    # in noise that comes and goes, or a misfit that passes for tails, readings would be moved by what is no noise
+    if _remembers_size(u):
+        return noise
+    return _without_excess(noise, u - tails.counted(u), width, tails.information)
+
+
+def _remembers_size(innovations: Floats) -> bool:
+    """Whether an innovation is large or small as the one before is, by more than chance leaves."""
+    size = _ln_size(innovations)
+    size = size - size.mean()
+    correlation = float(size[1:] @ size[:-1]) / max(float(size @ size), 1e-300)
+    return correlation * math.sqrt(size.size) > SIZE_STANDARD_ERRORS
+
+
+def _ln_size(innovations: Floats) -> Floats:
+    """Logarithm of the magnitude of each innovation, those of nearly nothing held at a thousandth of the usual one."""
+    return np.log(np.maximum(np.abs(innovations), 1e-3 * (np.sqrt(np.mean(innovations**2)) or 1.0)))
+
+
+def _without_excess(
+    noise: BlockNoise, excess: Floats, width: Floats | float, information: float
+) -> BlockNoise:
+    """Noise with the tails of Student's t, as normal noise of what counts of each innovation.
+
+    Parameters
+    ----------
+    noise : BlockNoise
+        With scales of each innovation.
+    excess : ndarray, shape (n,)
+        What does not count, over the width of each innovation.
+    width : ndarray, shape (n,), or float
+        Of innovations, where their size grows with the response, over the standard deviation of `noise`.
+    information : float
+        See `HeavyTails`.
+    """
+    wider = 1.0 / math.sqrt(information)
+    return BlockNoise(
+        wider * noise.sd,
+        noise.memory,
+        width,
+        tuple((p, BlockNoise(wider * o.sd, o.memory, width)) for p, o in noise.others),
+        excess=noise.sd * memory_series(excess, noise.memory, width),
+    )
 
 
 def _changes_beyond_noise(
@@ -548,8 +620,40 @@ def _with_random(
     return np.asarray(-0.5 * free * np.log(variance) - log_scale - 0.5 * volume)
 
 
-def tail_scale(innovations: Floats) -> Floats | None:
-    """Scale of each innovation under Student's t; None where the normal distribution describes them.
+@dataclass(frozen=True, slots=True)
+class HeavyTails:
+    """Student's t of some innovations u, with k degrees of freedom and unit width.
+
+    A change d of them has the score ``psi(u) d`` with ``psi(u) = (k + 1) u/(k + u**2)``, and the information ``i d**2``
+    with ``i = (k + 1)/(k + 3)``. Normal innovations ``psi(u)/i`` of variance ``1/i`` have both. Scales of each
+    innovation, ``sqrt(u/psi(u))``, have the same score and an information of 1: what is estimated with them scatters
+    more than they say, by ``sqrt(1/i)``. What is left out, ``u - psi(u)/i``, is uncorrelated with ``psi(u)``. Such
+    pseudo-observations: P. J. Huber, Robust Statistics (Wiley, 1981), section 7.8; the information: K. L. Lange, R. J.
+    A. Little and J. M. G. Taylor, J. Am. Stat. Assoc. 84 (1989) 881-896.
+
+    Attributes
+    ----------
+    degrees : float
+        Of freedom, k.
+    scale : ndarray, shape (n,)
+        Of each innovation.
+    """
+
+    degrees: float
+    scale: Floats
+
+    @property
+    def information(self) -> float:
+        """On a change of an innovation, i; 1 for normal ones."""
+        return (self.degrees + 1.0) / (self.degrees + 3.0)
+
+    def counted(self, u: Floats) -> Floats:
+        """What counts of innovations of unit width, ``psi(u)/i``, shape (n,)."""
+        return (self.degrees + 1.0) * u / (self.degrees + u**2) / self.information
+
+
+def heavy_tails(innovations: Floats) -> HeavyTails | None:
+    """The likeliest of Student's t distributions; None where the normal distribution describes innovations.
 
     Heavy tails are those of many: the `OUTLIERS_SET_ASIDE` greatest innovations have no say, as a jump of the specimen
     or the rig makes one, and is no noise.
@@ -561,7 +665,7 @@ def tail_scale(innovations: Floats) -> Floats | None:
     """
     usual = innovations[np.argsort(np.abs(innovations))[: max(innovations.size - OUTLIERS_SET_ASIDE, 1)]]
     width = float(np.sqrt(np.mean(usual**2))) or 1.0
-    best, scale = stats.norm.logpdf(usual, scale=width).sum() + HEAVY_TAILS_GAIN, None
+    best, found = stats.norm.logpdf(usual, scale=width).sum() + HEAVY_TAILS_GAIN, None
     for degrees in DEGREES_OF_FREEDOM:
         own = width
         for _ in range(EM_ROUNDS):
@@ -569,8 +673,9 @@ def tail_scale(innovations: Floats) -> Floats | None:
             own = float(np.sqrt(np.mean(weight * usual**2))) or 1.0
         value = stats.t.logpdf(usual, degrees, scale=own).sum()
         if value > best and own > LEAST_WIDTH * width:
-            best, scale = value, np.sqrt((degrees + (innovations / own) ** 2) / (degrees + 1.0))
-    return scale
+            scale = np.sqrt((degrees + (innovations / own) ** 2) / (degrees + 1.0))
+            best, found = value, HeavyTails(degrees, scale)
+    return found
 
 
 def noise_as_it_is(residual: Floats, block: ChannelBlock) -> BlockNoise:
@@ -695,7 +800,7 @@ def growth(innovations: Floats, response: Floats) -> Growth:
     if not span > 0.0:
         return Growth(0.0, math.inf, 0.0)
     x = (response - response.min()) / span
-    size = np.log(np.maximum(np.abs(innovations), 1e-3 * (np.sqrt(np.mean(innovations**2)) or 1.0)))
+    size = _ln_size(innovations)
     columns = np.stack([np.ones(x.size), x, 4.0 * x * (1.0 - x)], axis=1)
     precision = columns.T @ columns
     if np.linalg.cond(precision) > 1e10:  # of two levels no hump can be told

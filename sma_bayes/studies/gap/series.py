@@ -62,7 +62,7 @@ def series_of(study: GapStudy, draws: Floats) -> StackedSeries:
         final.observed,
         final.observed - first.residual,
         final.observed - final.residual,
-        final.whiten(first.residual),
+        final.whiten_residual(first.residual),
         final.whitened,
         {
             e.id: _quantiles(added_by(e, final.hypothesis, final.blocks, some))
