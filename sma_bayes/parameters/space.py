@@ -83,6 +83,9 @@ class Parameter:
         Where the prior comes from.
     fixed : float or None
         Value at which the parameter is held; it is then not sampled.
+    refines : bool
+        Whether it refines the form of an effect that the others give, such as an overtone: a search for a start that
+        tries several values of each parameter takes the median of this one.
     """
 
     name: str
@@ -91,6 +94,7 @@ class Parameter:
     prior: Distribution
     source: str = ""
     fixed: float | None = None
+    refines: bool = False
 
 
 @dataclass(frozen=True, eq=False)

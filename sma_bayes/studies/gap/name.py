@@ -25,7 +25,8 @@ from scipy.special import logsumexp
 from sma_bayes.arrays import Floats
 from sma_bayes.effects.needs import untestable
 from sma_bayes.effects.types import Effect
-from sma_bayes.parameters.distributions import Distribution, LogNormal
+from sma_bayes.parameters.distributions import LogNormal
+from sma_bayes.parameters.space import Parameter
 from sma_bayes.studies.gap.effect_form import EffectForms
 from sma_bayes.studies.gap.finite import STRONG_LN_BAYES_FACTOR, gained_in_steps
 from sma_bayes.studies.gap.fitting import (
@@ -66,6 +67,10 @@ LEAST_SHARE_BESIDE_FLEXIBLE = 0.85
 """Share that an effect must carry of what it and a flexible term on top of it explain, to get in beside such a term."""
 LEAST_SHARE_IN_OWN_NOISE = 0.95
 """The same by the noise that is left beside the effect, which has a part of what its form leaves; shape counted."""
+MOST_SHARE_OF_FORM = 0.01
+"""Share of what an effect explains by which a flexible term may explain more, where the effect carries nearly all of
+what both do. The stronger an effect, the more of its form shows that its law lacks; a term that has every form must not
+win by that alone."""
 LEAST_SHARE_BEYOND_SHAPE = 0.2
 """Share of what an effect explains that must lie beyond any shape of the curve: less may be the form of a shape."""
 MISFIT_LN_BAYES_FACTOR = 20.0
@@ -266,6 +271,13 @@ class Candidate:
         return passes or (own is not None and own.worthy and own.carries_nearly_all)
 
     @property
+    def worthy_outright(self) -> bool:
+        """Whether it is `worthy` without `MOST_SHARE_OF_FORM`: such a law comes before one that needs it."""
+        own = self.in_own_noise
+        passes = self.plausible and self.beats_flexible_outright and self.beats_shape
+        return passes or (own is not None and own.worthy_outright and own.carries_nearly_all)
+
+    @property
     def leaves_nothing(self) -> bool:
         """Whether it is surely there, and nothing without meaning pays for itself on top of it, the shape included."""
         found = self.beside
@@ -291,6 +303,18 @@ class Candidate:
 
     @property
     def beats_flexible(self) -> bool:
+        """Whether it is worth more than flexible terms, but for `MOST_SHARE_OF_FORM` where it carries nearly all."""
+        found, gained = self.beside, self.ln_bayes_factor
+        but_for_form = (
+            gained >= LEAST_LN_BAYES_FACTOR
+            and found is not None
+            and found.over >= -MOST_SHARE_OF_FORM * gained
+            and self.carries_nearly_all
+        )
+        return but_for_form or self.beats_flexible_outright
+
+    @property
+    def beats_flexible_outright(self) -> bool:
         """Whether it is worth more than flexible terms in its place, or beside them and carries most by itself."""
         found = self.beside
         beside = (
@@ -453,7 +477,7 @@ def _in_steps(fitted: FittedHypothesis, screened: Sequence[Screened], *, every: 
     """
     out, best = [], _best_law(fitted, screened)
     for s in screened:
-        many = len(s.effect.parameters(fitted.hypothesis.scales)) - 1 > max(PARAMETER_SLICES)
+        many = _shaping(s.effect.parameters(fitted.hypothesis.scales)) > max(PARAMETER_SLICES)
         if s.gain < NEGLIGIBLE_GAIN_SHARE * best or not (every or (many and not members_of(s.effect))):
             out.append(s)
             continue
@@ -505,17 +529,15 @@ def screen(fitted: FittedHypothesis, effect: Effect) -> Screened:
         return _screened_together(fitted, effect)
     extended = fitted.hypothesis.extended(effect)
     space = extended.space
-    priors = [p.prior for p in effect.parameters(extended.scales)]
-    grid = np.array(
-        [[p.quantile(np.array(q)) for p, q in zip(priors, point, strict=True)] for point in _grid(priors)]
-    )
+    parameters = effect.parameters(extended.scales)
+    grid = _grid(parameters)
     theta = np.concatenate([np.tile(fitted.theta, (len(grid), 1)), grid], axis=1)
     change = stacked(extended, fitted.blocks, theta) - stacked(fitted.hypothesis, fitted.blocks, fitted.theta)
     signature = fitted.whiten(np.nan_to_num(change)).T
     left = fitted.project_out(signature)
     a = np.einsum("ij,ij->j", signature, left)
     b = signature.T @ fitted.left
-    ends = priors[0].quantile(np.array([1e-3, 1.0 - 1e-3]))
+    ends = parameters[0].prior.quantile(np.array([1e-3, 1.0 - 1e-3]))
     with np.errstate(divide="ignore", invalid="ignore"):
         size = np.clip(np.where(a > 0.0, grid[:, 0] * b / a, grid[:, 0]), *ends)
         factor = size / grid[:, 0]
@@ -555,11 +577,19 @@ def _averaged(b: Floats, information: Floats) -> Floats:
     return np.asarray(logsumexp(each, axis=(0, 1)) - np.log(len(SCREENED_SCALES) * information.size))
 
 
-def _grid(priors: Sequence[Distribution]) -> list[tuple[float, ...]]:
-    sizes = SCREENED_QUANTILES[isinstance(priors[0], LogNormal)]
-    count = PARAMETER_SLICES.get(len(priors) - 1, 3)
+def _grid(parameters: Sequence[Parameter]) -> Floats:
+    """Values of an effect's parameters that are tried, shape (G, P): sizes by slices of the others that shape it."""
+    sizes = SCREENED_QUANTILES[isinstance(parameters[0].prior, LogNormal)]
+    count = PARAMETER_SLICES.get(_shaping(parameters), 3)
     shapes = [(i + 0.5) / count for i in range(count)]
-    return list(product(sizes, *[shapes for _ in priors[1:]]))
+    levels = [sizes, *((0.5,) if p.refines else shapes for p in parameters[1:])]
+    tried = [p.prior.quantile(np.array(level)) for p, level in zip(parameters, levels, strict=True)]
+    return np.array([*product(*tried)])
+
+
+def _shaping(parameters: Sequence[Parameter]) -> int:
+    """How many parameters beside the size are tried at more than one value."""
+    return sum(not p.refines for p in parameters[1:])
 
 
 def is_plausible(hypothesis: Hypothesis, z: Floats) -> bool:

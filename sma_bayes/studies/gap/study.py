@@ -320,7 +320,8 @@ def one_round(
         for c in fitted
         if _is_enough(c, current, LEAST_FURTHER_SHARE_OF_LAST * least if _ends_it(c) else least, apart)
     ]
-    worthy = _laws_first([c for c in enough if is_worthy(c)])
+    passed = [c for c in enough if is_worthy(c)]
+    worthy = _laws_first([c for c in passed if c.worthy_outright] or passed)
     if not worthy:
         return Step(current, seen, (*tried, *untested), None, (), terms)
     chosen = _preferred(worthy)
@@ -483,6 +484,9 @@ def is_worthy(candidate: Candidate) -> bool:
     worth without one, and carry `LEAST_SHARE_BESIDE_FLEXIBLE` of what can be explained. A further stage of the
     transformation has to be worth more than the shapes of one. And the numbers of the effect must be those of the
     mechanism.
+
+    An effect that carries nearly all may be worth less than the flexible term, by `MOST_SHARE_OF_FORM` of what it is
+    worth: so much of the form of a strong effect its law may lack.
     """
     return candidate.worthy
 

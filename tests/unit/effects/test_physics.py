@@ -285,16 +285,25 @@ def test_rounding_has_the_mean_of_rounded_draws(noise: float) -> None:
 
 def test_a_whole_harmonic_is_one_sine() -> None:
     inputs = inputs_of(RAMP, frequency=np.full(RAMP.size, 0.03))
-    ripple = applied("drive_ripple", [0.05, 0.4, 3.0], inputs)["force"] - PLAIN["force"]
+    ripple = applied("drive_ripple", [0.05, 0.4, 3.0, 0.0, 0.0], inputs)["force"] - PLAIN["force"]
     np.testing.assert_allclose(ripple, 0.05 * np.sin(2 * np.pi * 3 * 0.03 * inputs["time"] + 0.4), atol=1e-12)
 
 
 def test_between_whole_harmonics_they_are_mixed() -> None:
     inputs = inputs_of(RAMP, frequency=np.full(RAMP.size, 0.03))
     first, mixed, second = (
-        applied("drive_ripple", [0.05, 0.0, k], inputs)["force"] - PLAIN["force"] for k in (1.0, 1.5, 2.0)
+        applied("drive_ripple", [0.05, 0.0, k, 0.0, 0.0], inputs)["force"] - PLAIN["force"]
+        for k in (1.0, 1.5, 2.0)
     )
     np.testing.assert_allclose(mixed, 0.5 * (first + second), atol=1e-12)
+
+
+def test_the_overtone_of_a_ripple_has_its_own_phase() -> None:
+    inputs = inputs_of(RAMP, frequency=np.full(RAMP.size, 0.03))
+    ripple = applied("drive_ripple", [0.05, 0.4, 3.0, 0.3, -0.2], inputs)["force"] - PLAIN["force"]
+    u = 2 * np.pi * 3 * 0.03 * inputs["time"] + 0.4
+    overtone = np.hypot(0.3, 0.2) * np.sin(2 * u + np.arctan2(-0.2, 0.3))
+    np.testing.assert_allclose(ripple, 0.05 * (np.sin(u) + overtone), atol=1e-12)
 
 
 def turned_at(peak: float) -> tuple[dict[str, Floats], int]:
