@@ -39,7 +39,7 @@ def test_it_is_announced(
     out = io.StringIO()
     work = RunContext(COMPARISON, 1, "none", LogLines(file=out))
     assert len(workflow._started([begun.setting.record] * 3, OPTIONS, work)) == 3
-    assert ("3 records, " in out.getvalue()) is told
+    assert ("3 comparisons of " in out.getvalue()) is told
     assert ("about 10 min, give or take a factor of three" in out.getvalue()) is told
 
 
