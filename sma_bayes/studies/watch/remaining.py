@@ -210,8 +210,13 @@ def _statement(remaining: IntervalDocument, horizon: int, probability: float) ->
     if middle == 0.0:
         return "reached"
     if middle is None:
-        least = "" if low is None else f", 5 % within {low:.0f}"
-        return f"hardly within {horizon} cycles: probability {probability:.0%}{least}"
+        soon = (
+            "already" if low == 0.0 else f"within {low:.0f} cycle{'' if low == 1.0 else 's'}" if low else ""
+        )
+        at_least = f", reached {soon} with 5 %" if soon else ""
+        return (
+            f"not within {horizon} cycles with a probability of {100.0 * (1.0 - probability):.0f} %{at_least}"
+        )
     upper = f"{high:.0f}" if high is not None else f"more than {horizon}"
     return f"in {middle:.0f} cycles (90 %: {low:.0f} to {upper})"
 
