@@ -21,6 +21,7 @@ THRESHOLDS = {
     "ln_bayes_factor_apart": study.LN_BAYES_FACTOR_TOLD_APART,
     "unexplained_share": pytest.approx(1.0 - study.LEAST_SHARE_CARRIED),
     "share_beside": name.LEAST_SHARE_BESIDE_FLEXIBLE,
+    "share_of_form": name.MOST_SHARE_OF_FORM,
     "share_beyond_shape": name.LEAST_SHARE_BEYOND_SHAPE,
     "ln_bayes_factor_shape": study.MISFIT_LN_BAYES_FACTOR,
     "further_share": study.LEAST_FURTHER_SHARE,

@@ -347,11 +347,16 @@ def _judgement_of_added(study: GapStudy, candidate: Candidate) -> tuple[Status, 
         )
     elif candidate.ln_bayes_factor > candidate.guard:
         why = "worth more than its price, and than a flexible term in its place"
-    elif is_worthy(candidate) and candidate.beside is not None:
+    elif candidate.worthy_outright and candidate.beside is not None:
         why = (
             "with a flexible term on top it explains more than the best such term alone, and it carries "
             f"{100.0 * candidate.beside.carried:.0f} % of that"
             f"{', the shape of the curve apart' if candidate.beside.shape_apart else ''}"
+        )
+    elif is_worthy(candidate) and candidate.beside is not None:
+        why = (
+            f"it carries {100.0 * candidate.beside.carried:.0f} % of what it and a flexible term on top explain; such "
+            "a term alone, which can have any form, explains more by a hundredth at most"
         )
     else:
         why = "beside the effect of the next round it beats what is flexible"

@@ -290,6 +290,10 @@ class GapThresholds(DocumentPart):
     share_beside: Number = Field(
         description="least share that an effect has to explain beside a flexible term [1]"
     )
+    share_of_form: Number = Field(
+        description="share of what an effect explains by which a flexible term alone may explain more, where the "
+        "effect carries nearly all of what both do [1]"
+    )
     share_beyond_shape: Number = Field(
         description="least share of what an effect explains that must lie beyond any shape of the curve, where it "
         "does not beat the shapes of one stage [1]"
