@@ -251,7 +251,7 @@ def disagreement_loops(study: StoredStudy) -> Drawing:
     return Drawing(
         stem="disagreement",
         caption=(
-            ("Where model and measurement disagree: the stretches of the table below, by number. " if found
+            ("Where model and measurement disagree: the stretches of the table above, by number. " if found
              else "The loops; no stretch disagrees by more than chance explains. ")
             + "Points: measurements. Dashed: the model without effects, at its best fit; below, what was measured less "
             "that, along the covariate of the strongest stretch (stretches of heating in the upper half, of cooling in "
