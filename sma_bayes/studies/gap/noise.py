@@ -233,17 +233,23 @@ def blocks_of(hypothesis: Hypothesis) -> tuple[ChannelBlock, ...]:
 
 def whiten(blocks: Sequence[ChannelBlock], noise: Noise, series: Floats) -> Floats:
     """Stacked series (..., N) as innovations of unit variance."""
-    out = np.empty_like(series)
-    for block, own in zip(blocks, noise, strict=True):
-        out[..., block.at] = own.whiten(series[..., block.at])
-    return out
+    return _by_block(BlockNoise.whiten, blocks, noise, series)
 
 
 def whiten_residual(blocks: Sequence[ChannelBlock], noise: Noise, residual: Floats) -> Floats:
     """Stacked residuals (..., N) of a model as innovations of unit variance, without their excess."""
-    out = np.empty_like(residual)
+    return _by_block(BlockNoise.whiten_residual, blocks, noise, residual)
+
+
+def _by_block(
+    whitened: Callable[[BlockNoise, Floats], Floats],
+    blocks: Sequence[ChannelBlock],
+    noise: Noise,
+    series: Floats,
+) -> Floats:
+    out = np.empty_like(series)
     for block, own in zip(blocks, noise, strict=True):
-        out[..., block.at] = own.whiten_residual(residual[..., block.at])
+        out[..., block.at] = whitened(own, series[..., block.at])
     return out
 
 
