@@ -230,6 +230,21 @@ def test_friction_turns_round_over_its_way() -> None:
     np.testing.assert_allclose(friction[RAMP.size :], expected, atol=1e-3)
 
 
+def test_friction_of_a_guide_has_two_limits() -> None:
+    """Without a creep speed it is Dahl's law of the way; of no way it is Coulomb's, smooth near rest."""
+    both = inputs_of(np.concatenate([RAMP, RAMP[::-1]]))
+    plain = response_at(THETA)(both)
+    by_way = applied("guide_friction", [0.03, 2e-4], both)["force"]
+    np.testing.assert_allclose(
+        applied("guide_friction", [0.03, 2e-4, 1e-15], both)["force"], by_way, atol=1e-9
+    )
+    speed = np.diff(plain["displacement"], prepend=plain["displacement"][:1])
+    slow = 0.05 * float(np.abs(speed).max())
+    friction = applied("guide_friction", [0.03, 1e-12, slow], both)["force"] - plain["force"]
+    np.testing.assert_allclose(friction[1:], 0.03 * np.tanh(speed[1:] / slow), atol=1e-6)
+    assert abs(friction[RAMP.size - 1]) < 1e-3 < np.abs(friction).max()
+
+
 def test_a_load_cell_follows_a_step_of_the_ambient() -> None:
     time = np.linspace(0.0, 600.0, 601)
     ambient = np.where(time < 0.5, 20.0, 25.0)
