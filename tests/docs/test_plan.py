@@ -64,3 +64,21 @@ def test_its_python_runs(bench: Path, python: Callable[[Path, str], str]) -> Non
     said = python(bench, script)
     assert said.startswith("Measure condition a from ")
     assert len(said.splitlines()) == 6
+
+
+@pytest.mark.parametrize(("hours", "remarked"), [(6, True), (2, False)])
+def test_many_more_cycles_than_were_measured_are_remarked(
+    bench: Path, command: Callable[..., str], hours: int, remarked: bool
+) -> None:
+    told = " ".join(command(bench, f"sma-bayes plan results --for parameters --hours {hours}").split())
+    found = re.search(
+        r"(\d+) cycles of condition a, after 3 that were measured: .* it may train or tire", told
+    )
+    assert bool(found) is remarked
+    if found:
+        assert int(found[1]) > 10
+        few, of_them, all_nats = re.search(
+            r"(\d+) of them would bring ([\d.]+) of ([\d.]+) nats", told
+        ).groups()
+        assert int(few) < int(found[1])
+        assert int(few) / int(found[1]) < float(of_them) / float(all_nats) < 1.0  # the first tell most

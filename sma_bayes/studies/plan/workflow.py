@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
@@ -69,6 +70,9 @@ from sma_bayes.studies.plan.telling_apart import planned_apart
 from sma_bayes.studies.run_context import RunContext
 from sma_bayes.studies.sensitivity.quantities import QuantityDraws, quantities_of
 from sma_bayes.studies.study_step import Checks, DrawnTable, StudyStep
+
+FEWER_SHARE: Final = 0.25
+"""Share of the cycles of a long design of which it is told what they would bring."""
 
 
 def plan(
@@ -275,7 +279,8 @@ def _planned(q: _FitQuestion, o: Options, folder: Path | None, work: RunContext)
         judged.sort(key=lambda x: (-nats_of(x[1]) / x[0].hours, x[0].hours))
     work.tell(2, 3, "putting a design together")
     with work.account.timed("design"):
-        design = None if o.hours is None else _design(expectations, tried, settings, q.conditions, o, rate)
+        parts = [] if o.hours is None else best_design(expectations, tried, o.hours)
+        design = _design(expectations, parts, tried, settings, q.conditions, o, rate) if parts else None
     shown = shown_units(summary.records)
     found = PlanFindings(
         schema="sma-bayes/plan/1",
@@ -295,7 +300,7 @@ def _planned(q: _FitQuestion, o: Options, folder: Path | None, work: RunContext)
         ),
         design=design,
         advice="",
-        remarks=tuple(_remarks(q, o, targets, tried)),
+        remarks=(*_remarks(q, o, targets, tried), *_remarks_on_cycles(expectations, parts)),
         **declared_parts(summary.records),
     )
     return with_advice(found, folder)
@@ -318,8 +323,7 @@ def _candidates(
     if o.candidates is not None:
         found = declared(Path(o.candidates), settings, asked, o.setup, rate)
     else:
-        cycles = CYCLES if o.hours is None else tuple(dict.fromkeys((1, *CYCLES)))
-        found = default_grid([settings[c] for c in asked], at, o.setup, rate, cycles)
+        found = default_grid([settings[c] for c in asked], at, o.setup, rate)
         if o.hours is not None:
             found = _filled(found, o.hours)
     require_rate(found, q.run.folder)
@@ -409,16 +413,14 @@ def _candidate(
 
 def _design(
     expectations: Expectations,
+    parts: Sequence[tuple[CandidateExperiment, int]],
     tried: Sequence[CandidateExperiment],
     settings: Mapping[str, Setting],
     conditions: Sequence[str],
     o: Options,
     rate: float | None,
-) -> PlannedDesign | None:
+) -> PlannedDesign:
     assert o.hours is not None
-    parts = best_design(expectations, tried, o.hours)
-    if not parts:
-        return None
     gains = expectations.of_design(parts)
     even = even_design([settings[c] for c in conditions], tried, o.hours, o.setup, rate)
     gains_of_even = expectations.of_design(even)
@@ -459,6 +461,33 @@ def remarks_on_scatter(draws: Iterable[RecordDraws]) -> list[str]:
         "20 such plans, of four to eight sweeps and four more, half left 0.9 to 1.3 times the standard deviation that "
         "was said"
     ]
+
+
+def _remarks_on_cycles(
+    expectations: Expectations, parts: Sequence[tuple[CandidateExperiment, int]]
+) -> Iterator[str]:
+    """That a spring may change over many more cycles than were measured, and what fewer would bring."""
+    planned_cycles: Counter[str] = Counter()
+    for c, n in parts:
+        planned_cycles[c.condition] += n
+    many_more = []
+    for condition, n in planned_cycles.items():
+        records = [
+            t.knowledge.draws.record
+            for t in expectations.targets
+            if t.knowledge.draws.condition.id == condition
+        ]
+        measured = max(np.unique(r.inputs["segment"]).size for r in records)
+        if n > max(CYCLES) and n > measured:
+            many_more.append(f"{n} cycles of condition {condition}, after {measured} that were measured")
+    if many_more:
+        fewer = [(c, max(round(FEWER_SHARE * n), 1)) for c, n in parts]
+        yield (
+            f"{'; '.join(many_more)}: the plan takes a spring for unchanged, and over so many it may train or tire. "
+            f"{sum(n for _, n in fewer)} of them would bring {nats_of(expectations.of_design(fewer)):.2g} of "
+            f"{nats_of(expectations.of_design(parts)):.2g} nats: measure these first, and look with `cycles` or "
+            "`watch` whether the spring is still the same"
+        )
 
 
 def _remarks(
