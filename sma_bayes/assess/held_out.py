@@ -233,6 +233,7 @@ class Predictor:
         trust: float = MAX_RELIABLE_K,
         *,
         curves: int = 0,
+        progress: Callable[[str], None] | None = None,
     ) -> HeldOutPredictions:
         """Predict each of several parts of the record from the rest.
 
@@ -248,6 +249,8 @@ class Predictor:
         curves : int
             Draws of the curve that are compared with each part; none by default. Those of one part are independent
             of those of another.
+        progress : callable, optional
+            Told of each fit that is made anew, before it is.
         """
         record = self.record
         theta = self.posterior.space.constrain(self.draws.z)
@@ -257,9 +260,12 @@ class Predictor:
         curve = self.mean_curve(theta, record)
         density, median = np.full(record.n, np.nan), np.full(record.n, np.nan)
         anew = self._anew(targets, k, trust)
-        fits, agreements = [], []
+        fits: list[WeightedDraws] = []
+        agreements: list[Agreement] = []
         for i, (target, own_seed) in enumerate(zip(targets, seed.spawn(len(targets)), strict=True)):
             if anew[i]:
+                if progress is not None:
+                    progress(f"fit {len(fits) + 1} of {anew.sum()} without the samples that it predicts")
                 draws, at_target, of_target = self._predicted(target, own_seed)
                 w = draws.log_weight
                 fits.append(draws)

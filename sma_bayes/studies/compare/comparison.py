@@ -14,6 +14,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
+from functools import partial
 from typing import Final
 
 import numpy as np
@@ -319,15 +320,15 @@ def start_comparison(
 def finished_comparison(
     begun: StartedComparison, progress: Callable[[str], None] | None = None
 ) -> Comparison:
-    """Fit what was started, predict what was held out, and judge; `progress` is told which contender is fitted."""
+    """Fit what was started, predict what was held out, and judge; `progress` is told of each fit."""
     clock = time.perf_counter()
     setting, running = begun.setting, begun.running
     fitted: dict[str, FittedContender] = {}
     with threadpool_limits(limits=1):
         for c, own in zip(running, begun.seeds, strict=True):
-            if progress is not None:
-                progress(f"{c.name}, model {len(fitted) + 1} of {len(running)}")
-            fitted[c.name] = setting.fit(c, begun.modes[c.name], own)
+            name = f"{c.name}, model {len(fitted) + 1} of {len(running)}"
+            tell = partial(_tell, progress, name)
+            fitted[c.name] = setting.fit(c, begun.modes[c.name], own, tell)
     first = Comparison(
         setting.record, setting.noise, begun.choice, setting.memory, setting.folds, fitted, begun.copies,
         begun.unavailable, {}, _UNDECIDED, setting.grid, 0.0, begun.entrants, _rank(setting.record),
@@ -336,6 +337,11 @@ def finished_comparison(
     verdict = judge(first.standings())
     took = begun.wall_s + time.perf_counter() - clock
     return replace(first, weights=weights, verdict=verdict, wall_s=took)
+
+
+def _tell(progress: Callable[[str], None] | None, name: str, step: str) -> None:
+    if progress is not None:
+        progress(f"{name}: {step}")
 
 
 _UNDECIDED: Final = StatedVerdict(
@@ -523,11 +529,16 @@ class _ComparisonSetting:
         )
 
     def fit(
-        self, contender: Contender, modes: Sequence[Mode], seed: np.random.SeedSequence
+        self,
+        contender: Contender,
+        modes: Sequence[Mode],
+        seed: np.random.SeedSequence,
+        tell: Callable[[str], None],
     ) -> FittedContender:
         sample_seed, bridge_seed, loo_seed, fold_seed, curve_seed, missed_seed = seed.spawn(6)
         posterior = self._posterior(contender)
         width = posterior.space.prior_sd()
+        tell("fit to all samples")
         draws = importance_draws(posterior, [m.z for m in modes], width, sample_seed)
         theta = posterior.space.constrain(draws.z)
 
@@ -541,9 +552,9 @@ class _ComparisonSetting:
         predictor = Predictor(posterior, draws, weights, without, contender.name in PLUG_IN_MODELS)
         full, _ = density_of(posterior, theta, weights, self.record)
         n, folds = self.record.n, self.folds
-        loo = predictor.leave_out(list(np.eye(n, dtype=bool)), loo_seed)
+        loo = predictor.leave_out(list(np.eye(n, dtype=bool)), loo_seed, progress=tell)
         blocks = [folds.number == b for b in range(folds.count)]
-        left = predictor.leave_out(blocks, fold_seed, -np.inf, curves=CURVE_DRAWS)
+        left = predictor.leave_out(blocks, fold_seed, -np.inf, curves=CURVE_DRAWS, progress=tell)
         pick = resampled(draws.log_weight, CURVE_DRAWS, np.random.default_rng(curve_seed))
         fitted = predictor.mean_curve(theta[pick], self.record)
         (data,) = self.record.observed.values()

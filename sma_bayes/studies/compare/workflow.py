@@ -185,7 +185,10 @@ def _started(
     if len(records) > MAX_STARTED_RECORDS:
         return records
     task = partial(_start, o=options)
-    begun = list(run(task, records, work.jobs, account=work.account, stage="compare"))
+    begun: list[StartedComparison] = []
+    for one in run(task, records, work.jobs, account=work.account, stage="compare"):
+        begun.append(one)
+        work.tell(0, len(records), f"noise and starts of {len(begun)} of {len(records)} found")
     each = [b.expected_s for b in begun]
     models = max((len(b.running) for b in begun), default=0)
     what = f"{many(len(records), 'comparison')} of {models} models, each fitted whole and without each part held out"
@@ -205,10 +208,13 @@ def _compared(
     comparisons = []
     begun = _started(records, chosen, work)
     task = partial(_compare, options=chosen, lines=lines_inside(work.tell))
+    names = [f"{r.key} {r.quantity(r.channels[0])}" for r in records]
+    work.tell(0, len(records), f"comparing {names[0]}")
     for compared in run(task, begun, work.jobs, account=work.account, stage="compare"):
         comparisons.append(compared)
-        told = f"compared {compared.record.key} {compared.record.quantity(compared.channel)}"
-        work.tell(len(comparisons), len(records), told)
+        done = len(comparisons)
+        told = f"comparing {names[done]}" if done < len(names) else f"compared {names[-1]}"
+        work.tell(done, len(records), told)
         if folder is not None:
             with work.account.timed("write"):
                 write_csv(folder / "curves" / f"{stem_of(compared)}.csv", curve_columns(compared))

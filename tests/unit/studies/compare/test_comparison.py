@@ -159,7 +159,11 @@ def test_no_single_draw_carries_a_prediction() -> None:
     told: list[str] = []
     names = ["modified_sigmoid_tied", "polynomial_corrected"]
     found = compare_record(few, PRIORS, only=names, progress=told.append)
-    assert told == [f"{name}, model {i} of {len(told)}" for i, name in enumerate(found.fitted, 1)]
+    models = [f"{name}, model {i} of 2" for i, name in enumerate(found.fitted, 1)]
+    assert list(dict.fromkeys(step.partition(": ")[0] for step in told)) == models
+    assert told[0] == f"{models[0]}: fit to all samples"
+    folds = [f"fit {i} of 3 without the samples that it predicts" for i in (1, 2, 3)]
+    assert told[-3:] == [f"{models[1]}: {fold}" for fold in folds]
     y = few.observed["stiffness"]
     numbers = record_document(found).models
     for name in found.fitted:
