@@ -271,7 +271,7 @@ def _connected(address: str) -> Any:
         raise WorkerError(
             f"--scheduler {address}: the package distributed is not installed",
             expected="what talks to a Dask cluster",
-            remedy='pip install "sma-bayes[cluster]", here and on the workers',
+            remedy='python -m pip install ".[cluster]" from the checkout, here and on the workers',
         ) from None
     for handler in logging.getLogger("distributed").handlers:
         handler.setLevel(logging.CRITICAL)  # what matters arrives as an error of ours
@@ -303,7 +303,7 @@ def _check_workers(client: Any) -> None:
         raise WorkerError(
             f"{address}: a worker can't run sma_bayes ({type(error).__name__}: {error})",
             expected="this package on every worker, in the same version",
-            remedy='pip install "sma-bayes[cluster]" on the workers',
+            remedy='python -m pip install ".[cluster]" from the checkout, on the workers',
         ) from None
 
 

@@ -203,7 +203,7 @@ def end_this_process(_: int) -> None:
 def test_without_the_extra_the_message_says_what_to_install(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setitem(sys.modules, "distributed", None)
     with (
-        pytest.raises(WorkerError, match=r"pip install \"sma-bayes\[cluster\]\""),
+        pytest.raises(WorkerError, match=r"pip install \"\.\[cluster\]\""),
         sma_bayes.cluster("tcp://127.0.0.1:1"),
     ):
         pass
