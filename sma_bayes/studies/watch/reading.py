@@ -162,7 +162,9 @@ class NewFileReader:
         cycles, partial = self._cycles(records, path)
         fresh = tuple(c for c in cycles if c.sha256 not in self._heads)
         if len(fresh) < len(cycles):
-            held = f"{path.name}: {many(len(cycles) - len(fresh), 'cycle')} of it were fitted, and don't count as new"
+            known = len(cycles) - len(fresh)
+            was, does = ("was", "doesn't") if known == 1 else ("were", "don't")
+            held = f"{path.name}: {many(known, 'cycle')} of it {was} fitted, and {does} count as new"
             cut = (*cut, held)
         return NewFile(path, sha256, fresh, tuple(partial), cut)
 
