@@ -383,6 +383,7 @@ def test_temperatures_of_another_range_are_refused(run: Run, place: Path, tmp_pa
         (("--condition", "other"), "unknown condition 'other'"),
         (("--campaign", "nowhere.toml"), "no such campaign file"),
         (("--folder", "nowhere"), "is not a folder"),
+        (("--idle", "5"), "--idle without --folder"),
     ],
 )
 def test_what_can_not_be_is_refused(run: Run, place: Path, options: tuple[str, ...], told: str) -> None:

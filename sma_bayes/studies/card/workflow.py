@@ -136,9 +136,9 @@ def card(
         If `folder` holds no finished fit, or one whose conditions share parameters, or `out` can't be used.
     """
     if not 9 <= points <= 4097:
-        raise SmaBayesError(f"{points} points", expected="9 to 4097 rows of a stiffness table")
+        raise SmaBayesError(f"--points {points}", expected="9 to 4097 rows of a stiffness table")
     if not 50 <= draws <= 10_000:
-        raise SmaBayesError(f"{draws} draws", expected="50 to 10,000")
+        raise SmaBayesError(f"--draws {draws}", expected="50 to 10,000")
     asked = _Asked(
         size_of(area, length),
         (

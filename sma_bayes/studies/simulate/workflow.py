@@ -174,7 +174,7 @@ def _require_options(
     if not 0.0 < probability <= 1.0:
         raise SmaBayesError(f"probability {probability}", expected="more than 0 and at most 1")
     if not 20 <= draws <= 10_000:
-        raise SmaBayesError(f"{draws} draws", expected="20 to 10,000")
+        raise SmaBayesError(f"--draws {draws}", expected="20 to 10,000")
 
 
 Pair = tuple[RecordSummary, RecordSummary]

@@ -58,11 +58,18 @@ def command(
     as_json: Json = False,
 ) -> None:
     """Tell whether a spring is still the one that was fitted, from cycles measured since; exit status 1 if not."""
+    from sma_bayes.errors import SmaBayesError
     from sma_bayes.report.screen import screen
     from sma_bayes.studies.watch.folder import watch_folder
     from sma_bayes.studies.watch.terminal import show_watch
     from sma_bayes.studies.watch.workflow import watching
 
+    if idle is not None and folder is None:
+        raise SmaBayesError(
+            "--idle without --folder",
+            expected="--folder DIR, whose new files are waited for",
+            remedy="leave --idle out: named files are read and not waited for",
+        )
     with progress_shown(quiet or as_json or folder is not None, verbose) as progress:
         asked = partial(
             watching, results, out, condition=condition, limit=limit or (), alpha=alpha, campaign=campaign, seed=seed,
