@@ -2,12 +2,14 @@
 
 A number of sweep ``i``, such as its shift, was found to be ``y_i`` with the standard deviation ``sqrt(v_i)``:
 
-    y_i = a + b x(N_i; N0) + w(N_i) + u_i + e_i
+    y_i = a + b x(N_i; n_0) + w(N_i) + u_i + e_i
 
-with a law ``x``, which all numbers of a condition share with its one ``N0``, a random walk ``w`` whose first step has
-the standard deviation ``omega``, a random effect ``u_i`` of the sweep with ``tau``, and the error ``e_i``. The walk
-goes with the cycle, or with its logarithm, so that what a law misses early is not expected again later. Without a law
-the rest is free to change with every sweep, by chance or along a walk, and a law has to beat that.
+with a law ``x``, which all numbers of a condition share, and its pace ``n_0``, which each has about that of the
+condition, ``N0`` (ln n_0 is normal: what settles by one process is not seen in every number at one time), a random walk
+``w`` whose first step has the standard deviation ``omega``, a random effect ``u_i`` of the sweep with ``tau``, and the
+error ``e_i``. The walk goes with the cycle, or with its logarithm, so that what a law misses early is not expected
+again later. Without a law the rest is free to change with every sweep, by chance or along a walk, and a law has to beat
+that.
 
 A law acts on some numbers and leaves the others as they are (``b = 0``). Training may be seen in one kind of number
 alone, such as the stroke: how many kinds move is integrated out (`movers`). Numbers of one kind, those of heating and
@@ -19,7 +21,8 @@ is far too great takes evidence from what is small and clear (Bartlett).
 How well a spring repeats in its rig is told by all numbers together: half-Cauchy priors of ``tau`` and ``omega`` have
 a scale in common, and the share of numbers that walk is one for all, both on grids.
 
-Given ``N0``, ``tau``, ``omega`` and the size of ``b`` all else is normal and is integrated exactly; these are on grids.
+Given ``n_0``, ``tau``, ``omega`` and the size of ``b`` all else is normal and is integrated exactly; these are on
+grids.
 So the evidence of each law is a sum, and draws, given the kinds that move, are exact up to the grids.
 
 References
@@ -58,7 +61,9 @@ LAW_POWERS: Final[Mapping[Law, tuple[float, ...]]] = {
 """Laws with their powers on the grid: 1 - exp(-(N/N0)^power), and for the power 0 its limit ln(1 + N/N0)."""
 LAWS: Final = tuple(LAW_POWERS)
 N0_GRID: Final = np.geomspace(0.3, 300.0, 33)
-"""Cycles N0 on the grid."""
+"""Cycles N0 on the grid, of a condition and of its numbers."""
+LN_OWN_N0_SD: Final = 0.3
+"""Standard deviation of ln N0 of single numbers about that of their condition: 90 % within a factor of 1.6."""
 USUAL_N0: Final = 5.0
 LN_N0_SD: Final = 1.2
 """Standard deviation of the prior of ln N0 about that of `USUAL_N0`: 90 % between 0.7 and 36 cycles."""
@@ -230,9 +235,13 @@ class LawPosterior:
         return best if self.ln_evidence[best] >= LEAST_LN_EVIDENCE_GAIN else NONE
 
     def pace_weights(self, form: Law) -> Floats:
-        """Posterior of N0 under a law, on `N0_GRID`."""
+        """Posterior of N0 of the condition under a law, on `N0_GRID`."""
         logs = logsumexp(self._of(form), axis=0)
         return np.asarray(np.exp(logs - logsumexp(logs)))
+
+    def own_pace_weights(self, form: Law) -> Floats:
+        """The same of a number of the condition that was not looked at."""
+        return np.asarray(self.pace_weights(form) @ np.exp(_LOG_OWN_N0))
 
     def draw(self, grid: Floats, size: int, rng: np.random.Generator) -> tuple[Ints, list[NumberDraws]]:
         """Draw laws, and with them the numbers of measured and later cycles.
@@ -284,11 +293,11 @@ class _Marginal:
     still : ndarray, shape (C,)
         Log likelihood where no law acts.
     moving : ndarray, shape (C, K, W)
-        With each law and size of the change; the prior of the sizes is in it.
+        With each law and size of the change, N0 being that of the number; the prior of the sizes is in it.
     log_still : ndarray, shape (R,)
         Log likelihood in each rig, where no law acts.
-    log_odds : ndarray, shape (R, K)
-        That where a law acts, less this.
+    own_odds, log_odds : ndarray, shape (R, K)
+        That where a law acts, less this, by the N0 of the number, and by that of the condition.
     """
 
     def __init__(self, series: Series, laws: Sequence[tuple[float, float]], last: float) -> None:
@@ -321,7 +330,9 @@ class _Marginal:
         self.log_still = logsumexp(self.of_rig + self.still, axis=1)
         best = self.moving.max(axis=(0, 2), initial=-np.inf)
         moving = np.exp(self.moving - best[:, None]).sum(axis=2)
-        self.log_odds = np.log(np.exp(self.of_rig) @ moving) + best - self.log_still[:, None]
+        self.own_odds = np.log(np.exp(self.of_rig) @ moving) + best - self.log_still[:, None]
+        by_own = self.own_odds.reshape(len(self.of_rig), len(laws) // N0_GRID.size, 1, N0_GRID.size)
+        self.log_odds = logsumexp(by_own + _LOG_OWN_N0, axis=3).reshape(self.own_odds.shape)
 
     def _covariance(self, c: int) -> Floats:
         s = self.series
@@ -352,9 +363,10 @@ class _Marginal:
         self, rig: Ints, law: Ints, moving: Bools, shapes: Floats, grid: Floats, rng: np.random.Generator
     ) -> NumberDraws:
         """NumberDraws along a grid, given the rig and the law of each, and whether it acts on the number."""
+        law = self._own_law(rig, law, moving, rng)
         at, size = np.zeros((2, law.size), dtype=np.int64)
         laws = 1 + self.moving.shape[1]
-        for place, mine in _groups(laws * rig + np.where(moving, law, 0)):
+        for place, mine in _groups(laws * rig + law):
             r, k = divmod(place, laws)
             logs = self.of_rig[r][:, None] + (self.moving[:, k - 1] if k else self.still[:, None])
             weight = np.exp(logs - logsumexp(logs)).ravel()
@@ -373,6 +385,19 @@ class _Marginal:
             effect[np.ix_(own, seen)] = kept * left + noise
         state = mean + walk
         return NumberDraws(state, state + effect, mean, moving, self.tau[at], self.omega[at])
+
+    def _own_law(self, rig: Ints, law: Ints, moving: Bools, rng: np.random.Generator) -> Ints:
+        """The law of each draw with the N0 that the number has; 0 where none acts on it."""
+        own, laws = np.zeros_like(law), 1 + self.moving.shape[1]
+        for place, mine in _groups(laws * rig + np.where(moving, law, 0)):
+            r, k = divmod(place, laws)
+            if k:
+                of_power, pace = divmod(k - 1, N0_GRID.size)
+                first = of_power * N0_GRID.size
+                logs = self.own_odds[r, first : first + N0_GRID.size] + _LOG_OWN_N0[pace]
+                p = np.exp(logs - logsumexp(logs))
+                own[mine] = 1 + first + rng.choice(N0_GRID.size, size=mine.size, p=p)
+        return own
 
     def _coefficients(
         self, law: Ints, moving: Bools, at: Ints, size: Ints, rng: np.random.Generator
@@ -398,6 +423,15 @@ class _Marginal:
         noise = rng.standard_normal(left.shape) * np.sqrt(self.tau[c] ** 2 + self.series.variance)
         missed = cho_solve(self.factors[c], (left - free[:, seen] - noise).T)
         return np.asarray(free + (self._of_walk(c, grid) @ missed).T)
+
+
+def _log_own_n0() -> Floats:
+    """Log probability of each N0 of a number, given that of its condition, shape (N0 of the condition, N0)."""
+    logs = -0.5 * (np.subtract.outer(np.log(N0_GRID), np.log(N0_GRID)) / LN_OWN_N0_SD) ** 2
+    return np.asarray(logs - logsumexp(logs, axis=1, keepdims=True))
+
+
+_LOG_OWN_N0: Final = _log_own_n0()
 
 
 def _half_cauchy(ratio: Floats) -> Floats:

@@ -87,8 +87,8 @@ def cycles(
 
     Every sweep is the common curve of its branch with four numbers: offset, stroke, shift in temperature, and width
     (the shape-invariant model), told against the mean of the measured sweeps. These are pooled over cycles under a law
-    of training with one N0, exponential, stretched or logarithmic, or none, with a random effect of the sweep and a
-    random walk.
+    of training, exponential, stretched or logarithmic, with paces about one N0, or under none, with a random effect of
+    the sweep and a random walk.
 
     Parameters
     ----------

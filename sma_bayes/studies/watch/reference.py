@@ -18,7 +18,7 @@ from sma_bayes.studies.watch.naming import Cause, watched_together
 from sma_bayes.studies.watch.state import WATCHED, StrandNumbers
 
 N0_MASS: Final = 0.95
-"""Share of the posterior of N0 whose values count as possible while nothing changes."""
+"""Share of the posterior of the N0 of a number whose values count as possible while nothing changes."""
 MAX_N0: Final = 7
 
 
@@ -197,7 +197,7 @@ def _law(
     paces: list[tuple[float, float]] = []
     for form in LAWS:
         if posterior.probability[form] >= 1.0 - N0_MASS:
-            reached = np.cumsum(posterior.pace_weights(form))
+            reached = np.cumsum(posterior.own_pace_weights(form))
             tail = 0.5 * (1.0 - N0_MASS)
             low, high = (int(np.searchsorted(reached, q)) for q in (tail, 1.0 - tail))
             some = np.unique(np.linspace(low, min(high, N0_GRID.size - 1), MAX_N0).round().astype(int))

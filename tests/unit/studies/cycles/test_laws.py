@@ -44,7 +44,12 @@ def test_evidence_and_forecast_are_those_of_sampling() -> None:
     kind = rng.integers(1 + len(LAW_POWERS), size=size)
     names = list(LAW_POWERS)
     weights = np.exp(-0.5 * (np.log(laws.N0_GRID / laws.USUAL_N0) / laws.LN_N0_SD) ** 2)
-    pace = rng.choice(laws.N0_GRID, size=size, p=weights / weights.sum())
+    of_condition = rng.choice(laws.N0_GRID, size=size, p=weights / weights.sum())
+    pace = np.empty(size)
+    for one in laws.N0_GRID:
+        own = np.flatnonzero(of_condition == one)
+        p = np.exp(-0.5 * (np.log(laws.N0_GRID / one) / laws.LN_OWN_N0_SD) ** 2)
+        pace[own] = rng.choice(laws.N0_GRID, size=own.size, p=p / p.sum())
     scale, share = np.array(laws.REPEATABILITY_GRID)[rng.integers(len(laws.REPEATABILITY_GRID), size=size)].T
     tau, omega = np.zeros((2, size))
     for own_scale in laws.SCALE_GRID:
@@ -147,3 +152,19 @@ def test_numbers_without_a_law_are_given_none_and_those_with_one_their_own() -> 
     assert float(weights @ laws.N0_GRID) == pytest.approx(3.0, rel=0.25)
     _, draws = posterior.draw(cycle, 2000, rng)
     assert [d.moving.mean() > 0.9 for d in draws] == [True, True, False]
+
+
+def test_numbers_that_settle_at_paces_of_their_own_follow_one_law() -> None:
+    """Paces of 2, 3 and 4.5 cycles: each is drawn near its own, and later cycles are told by that."""
+    cycle, paces = np.arange(12.0), (2.0, 3.0, 4.5)
+    series = [
+        Series(cycle, 0.5 * approach(1.0, pace, cycle, 11.0), np.full(12, 1e-5), 0.5, 0.02, kind)
+        for kind, pace in zip(("offset", "stroke", "width"), paces, strict=True)
+    ]
+    posterior = LawPosterior(series, forms=("exponential",))
+    assert posterior.chosen == "exponential"
+    _, draws = posterior.draw(np.arange(14.0), 2000, np.random.default_rng(0))
+    for pace, drawn in zip(paces, draws, strict=True):
+        halfway = np.median(drawn.law[:, 2])
+        assert halfway == pytest.approx(0.5 * approach(1.0, pace, cycle, 11.0)[2], abs=0.015)
+        assert np.median(drawn.step) < 0.01
