@@ -330,14 +330,20 @@ def _simulated(q: _SimulationQuestion, folder: Path | None, work: RunContext) ->
     followed = [(s, p) for s, p in zip(q.springs, q.able, strict=True) if s.condition in q.followed]
     for n, (whole, pair) in enumerate(followed):
         work.tell(n + 1, stages, f"simulating {whole.condition}")
-        rng = np.random.default_rng(np.random.SeedSequence([q.seed, 29, *whole.condition.encode()]))
+        seed = np.random.SeedSequence([q.seed, 29, *whole.condition.encode()])
+        rng, (same,) = (
+            np.random.default_rng(seed),
+            seed.spawn(1),
+        )  # starts differ by their course, not by chance
         own, balance = whole.drawn(q.draws, rng), balances.of(whole.condition, rng)
         if q.room is not None:
             balance = replace(balance, room=np.full(balance.size, q.room))
         with work.account.timed("simulate"):
             if q.profile is not None:
                 beside = own.with_unseen_misfit(rng)
-                runs += [_run(q, beside, balance, pair, s, folder, rng) for s in q.starts]
+                runs += [
+                    _run(q, beside, balance, pair, s, folder, np.random.default_rng(same)) for s in q.starts
+                ]
             if q.wanted is not None and q.wanted.channel in own.channels:
                 reaches.append(_reach(q.wanted, own, balance, balances, pair, rng))
     cautions += _said_of(runs)
@@ -437,9 +443,9 @@ def _said_of_one(r: SimulatedRun) -> Iterator[str]:
     if r.extrapolated_from is not None:
         low, high = map(r.shown_temperature, r.measured)
         yield (
-            f"from {r.extrapolated_from:.3g} s on beyond the temperatures that were measured, {low:.3g} to "
-            f"{high:.3g} {unit_text(r.temperature_unit)}, in up to {r.extrapolated:.0%} of the draws; curves are "
-            "extrapolated there."
+            f"beyond the temperatures that were measured, {low:.3g} to {high:.3g} "
+            f"{unit_text(r.temperature_unit)}, first at {r.extrapolated_from:.3g} s and in up to {r.extrapolated:.0%} "
+            "of the draws; curves are extrapolated there."
         )
     if r.other_rule is not None:
         apart = ", ".join(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any, Final, Literal
 
 import numpy as np
@@ -28,6 +28,8 @@ from sma_bayes.studies.simulate.terminal import start_text
 LOOKS: Final = {"cold": "#1f6fb2", "hot": "#c8501e", "heating": "#2f7d4f", "cooling": "#6a3d9a"}
 DASHES: Final[dict[str, Literal["-", "--"]]] = {"cold": "-", "hot": "--", "heating": "-", "cooling": "--"}
 
+SAME_COURSE: Final = 0.25
+"""Distance of medians, over the width of the band of another run, up to which two starts are one line."""
 LEAST_SHARE_TOLD: Final = 0.1
 """Share of a course in which a stiffness has to be told that its axis is kept to that."""
 NEGATIVE_STIFFNESS_SHARE: Final = 0.02
@@ -35,7 +37,7 @@ NEGATIVE_STIFFNESS_SHARE: Final = 0.02
 
 
 def course_figure(stored: StoredSimulation, condition: str) -> Drawing:
-    """Bands in time of one condition, all starts together.
+    """Bands in time of one condition, all starts together; those of one course are one line.
 
     Parameters
     ----------
@@ -46,6 +48,7 @@ def course_figure(stored: StoredSimulation, condition: str) -> Drawing:
     runs = [r for r in stored.found.runs if r.condition == condition]
     first, bands = runs[0], {r.file: stored.columns(r.file) for r in runs}
     channels = list(first.units)
+    courses = _distinct(runs, bands)
     figure = empty_sheet(6.8, 1.35 + 0.62 + 1.35 * len(channels))
     axes = panels(
         figure, 1 + len(channels), 1, left=0.75, bottom=0.75, top=0.35, gap_y=0.16,
@@ -55,7 +58,7 @@ def course_figure(stored: StoredSimulation, condition: str) -> Drawing:
     axes[0].step(time, current, where="post", color=INK, linewidth=0.9)
     axes[0].set_ylabel("I [A]")
     for ax, channel in zip(axes[1:], channels, strict=True):
-        for run in runs:
+        for run, *_ in courses:
             _draw(ax, run, channel, bands[run.file])
         unit = first.declared_units.get(channel, first.units[channel])
         _limit(ax, [(bands[r.file], r) for r in runs], channel)
@@ -75,10 +78,12 @@ def course_figure(stored: StoredSimulation, condition: str) -> Drawing:
     heading(figure, f"{condition}: course in time", "")
     handles: list[Any] = [
         Line2D(
-            [], [], color=LOOKS[r.start], linestyle=DASHES[r.start], label=f"{start_text(r)} start, median"
+            [], [], color=LOOKS[first.start], linestyle=DASHES[first.start],
+            label=f"{' or '.join(map(start_text, same))} start, median",
         )
-        for r in runs
-    ]
+        for same in courses
+        for first in same[:1]
+    ]  # fmt: skip
     handles += [
         Patch(facecolor=INK, alpha=0.45, label="90 % of the curve"),
         Patch(facecolor=INK, alpha=0.15, label="90 % of another run"),
@@ -98,6 +103,29 @@ def course_figure(stored: StoredSimulation, condition: str) -> Drawing:
             **{name: np.concatenate([bands[r.file][name] for r in runs]) for name in bands[first.file]},
         },
     )
+
+
+def _distinct(
+    runs: Sequence[SimulatedRun], bands: Mapping[str, Mapping[str, Floats]]
+) -> list[list[SimulatedRun]]:
+    """Runs by their course: drawn over each other, two that are alike had the colour of neither."""
+
+    def alike(one: SimulatedRun, other: SimulatedRun) -> bool:
+        for channel in one.units:
+            a, b = (_shown(r, channel, bands[r.file], "q50") for r in (one, other))
+            low, high = (_shown(one, channel, bands[one.file], q) for q in ("pred_q05", "pred_q95"))
+            if not np.all((np.abs(a - b) <= SAME_COURSE * (high - low)) | (np.isnan(a) & np.isnan(b))):
+                return False
+        return True
+
+    courses: list[list[SimulatedRun]] = []
+    for run in runs:
+        same = next((c for c in courses if alike(c[0], run)), None)
+        if same is None:
+            courses.append([run])
+        else:
+            same.append(run)
+    return courses
 
 
 def _draw(ax: Any, run: SimulatedRun, channel: str, band: Mapping[str, Floats]) -> None:

@@ -208,6 +208,24 @@ def test_every_branch_of_the_report_can_be_built(heated_fit: Path, tmp_path: Pat
         assert (out / name).is_file()
 
 
+def test_starts_that_make_no_difference_are_one_line(heated_fit: Path, tmp_path: Path) -> None:
+    """Drawn over each other cold and hot start had a colour of which the legend did not tell."""
+    profile = {"time_s": [0.0, 20.0, 40.0], "current_A": [1.1, 0.0, 0.0]}
+    sma_bayes.simulate(heated_fit, profile, tmp_path / "out", condition="1.0A", draws=100)
+    drawn, rows = {}, {}
+    for name, folder in (("room", tmp_path / "out"), ("loop", tmp_path / "loop")):
+        if name == "loop":
+            starts = ["heating:54 degC", "cooling:54 degC"]
+            sma_bayes.simulate(heated_fit, profile, folder, condition="1.0A", start=starts, draws=100)
+        stored = read_finished(SIMULATION, SimulationDocument, folder)
+        (legend,) = course_figure(stored, "1.0A").figure.legends
+        drawn[name] = [text.get_text() for text in legend.get_texts()][:-2]
+        rows[name] = len(list(with_starts(stored.found.runs)))
+    assert drawn["room"] == ["cold or hot start, median"]
+    assert drawn["loop"] == ["heating at 54 °C start, median", "cooling at 54 °C start, median"]
+    assert rows == {"room": 1, "loop": 2}, "starts differ by their course, not by chance"
+
+
 def test_the_axis_of_a_positive_stiffness_begins_at_nought(folder: Path) -> None:
     """It began at −0.5 N/mm, since the band has no end at one instant of the start."""
     stored = read_finished(SIMULATION, SimulationDocument, folder)
