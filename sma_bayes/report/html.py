@@ -24,7 +24,15 @@ from sma_bayes.report.content import (
     RecordContent,
 )
 from sma_bayes.report.figures.sheet import FigureFiles
-from sma_bayes.report.notation import count_text, interval_text, sentence, unit_label, with_minus, write
+from sma_bayes.report.notation import (
+    count_text,
+    interval_text,
+    sentence,
+    unit_label,
+    with_minus,
+    with_percent,
+    write,
+)
 from sma_bayes.report.tables import (
     UNIT_OF_ROW,
     Cell,
@@ -40,8 +48,6 @@ from sma_bayes.report.tables import (
 from sma_bayes.runs.fit_document import TARGET
 from sma_bayes.runs.store import write_text
 
-_PERCENT: Final = re.compile(r"(?<![=\w.−-])(\d+(?:\.\d+)?)%")
-"""A percentage in a sentence; not one in an option of a command."""
 _BEFORE_UNIT: Final = re.compile(r"(?<=\d) (?=[°A-Za-z%]\S*$)")
 """The blank between a number and the unit that ends a cell."""
 OWN_PAGE_HEIGHT: Final = 600
@@ -199,7 +205,7 @@ def estimate_text(e: Estimate) -> str:
 
 def _shown(value: Any) -> Any:
     """A value as a page says it: texts of the study with minus signs and ``5 %`` for 5%; markup stays as it is."""
-    return _PERCENT.sub("\\1\u00a0%", with_minus(value)) if type(value) is str else value
+    return with_percent(with_minus(value), "\u00a0") if type(value) is str else value
 
 
 def _number(n: Number) -> str:

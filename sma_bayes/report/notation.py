@@ -24,6 +24,8 @@ NORMAL_90_WIDTH: Final = 3.29
 
 _NEGATIVE: Final = re.compile(r"(?<![^\s(\[,;±×<>])-(?=\.?\d)")
 """A hyphen in front of a number, with nothing or a blank, a bracket or a sign before it; not one inside a name."""
+_PERCENT: Final = re.compile(r"(?<![=\w.−-])(\d+(?:\.\d+)?)%(?![\w-])")
+"""A percentage in a sentence; not one in an option of a command or in a name."""
 _SUPERSCRIPT: Final = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 
 
@@ -194,6 +196,17 @@ def with_minus(text: str) -> str:
     '2A-150g: −30.1 to 50.7 °C (−0.3 to −.1), 2026-11-26, 1e-6'
     """
     return _NEGATIVE.sub(MINUS, text)
+
+
+def with_percent(text: str, space: str = " ") -> str:
+    """Text for people, in which a percentage has a space before its sign; options and names stay as they are.
+
+    Examples
+    --------
+    >>> with_percent("50%-heating, in 95% of the draws; --limit stroke=-20%")
+    '50%-heating, in 95 % of the draws; --limit stroke=-20%'
+    """
+    return _PERCENT.sub(rf"\1{space}%", text)
 
 
 def count_text(value: int) -> str:

@@ -16,7 +16,7 @@ from rich.console import Console, JustifyMethod
 from rich.table import Column, Table
 from rich.text import Text
 
-from sma_bayes.report.notation import with_minus
+from sma_bayes.report.notation import with_minus, with_percent
 
 ENTRIES_SHOWN: Final = 20
 """Entries of a list on the screen, where there are very many."""
@@ -71,7 +71,7 @@ class Screen(Console):
     def tell(self, *sentences: str) -> None:
         """Print sentences, each on a line that is as long as it takes."""
         for sentence in sentences:
-            self.print(sentence, soft_wrap=True)
+            self.print(with_percent(sentence), soft_wrap=True)
 
 
 def screen() -> Screen:

@@ -437,7 +437,7 @@ STEP: Final = StudyStep(
     CyclesTable,
     CYCLES,
     cycles,
-    lambda found: " ".join(c["stable"]["statement"] for c in found["conditions"]),
+    lambda found: "; ".join(f"{c['condition']}: {c['stable']['statement']}" for c in found["conditions"]),
     questions=lambda o, record: temperatures(
         o, lambda text: asked_temperature(text, *[record.units["temperature"]] * 2)
     ),
