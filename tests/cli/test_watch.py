@@ -20,6 +20,7 @@ import numpy as np
 import pytest
 
 import sma_bayes
+from sma_bayes.report.notation import with_percent
 from sma_bayes.runs.documents import WATCH
 from sma_bayes.runs.finished_run import read_finished
 from sma_bayes.runs.shown import in_declared_units
@@ -78,11 +79,8 @@ def test_the_document_is_as_published_and_every_file_is_there(out: Path, publish
     assert len(found["cycles"]) == QUIET + FAULTY
     assert found["fitted"] == [1, 2, 3, 4]
     page = (out / "report.html").read_text(encoding="utf-8").replace("&#39;", "'").replace("\u00a0%", "%")
-    for said in (
-        found["statement"],
-        found["change"]["statement"],
-        *(r["statement"] for r in found["limits"]),
-    ):
+    assert f"<strong>Alarm:</strong> {found['statement']}.</p>" in page
+    for said in (found["change"]["statement"], *(r["statement"] for r in found["limits"])):
         assert f"<p>{said[0].upper()}{said[1:]}.</p>" in page.replace("<strong>", "").replace("</strong>", "")
     for name in ("evidence", "numbers"):
         assert (out / "figures" / f"{name}.png").is_file()
@@ -331,7 +329,7 @@ def test_the_terminal_tells_the_same(run: Run, place: Path, out: Path) -> None:
     before = found_in(out)
     outcome = run("watch", place / "results", "--out", out, "--no-figures")
     assert outcome.status == 1
-    assert " ".join(before["statement"].split()) in " ".join(outcome.out.split())
+    assert with_percent(before["statement"]) in outcome.out
     assert "ALARM" in outcome.out
     assert "last 5 of the watched cycles" in outcome.out
     alarming = [n for n in before["numbers"] if n["alarm"]]

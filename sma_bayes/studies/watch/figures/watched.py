@@ -6,6 +6,7 @@ from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
+from matplotlib.lines import Line2D
 from matplotlib.ticker import MaxNLocator
 
 from sma_bayes.report.figures.sheet import (
@@ -63,18 +64,15 @@ def evidence_figure(stored: StoredWatch) -> Drawing:
     ax.yaxis.set_major_locator(MaxNLocator(integer=True, nbins=6, min_n_ticks=1))
     ax.yaxis.set_major_formatter(lambda power, _: _evidence_text(round(power)))
     ax.set(xlabel="watched cycle", ylabel="evidence")
-    ax.annotate(
-        f"alarm at {1.0 / found.alpha:.4g}", (cycle[-1] + 0.5, needed), (-4, 3), textcoords="offset points",
-        ha="right", fontsize=7.0, color=ALARM,
-    )  # fmt: skip
     heading(figure, f"{found.condition}: evidence of a change", "")
     branches = list(dict.fromkeys(n.branch for n in found.numbers))
     figure.legend(
         handles=[
             dot_handle(INK, "greatest of all"), *(dot_handle(COLOURS[b], f"numbers, {b}") for b in branches),
-            dot_handle(FAINT, "numbers together, by cause"),
+            dot_handle(FAINT, "together, by cause"),
+            Line2D([], [], color=ALARM, lw=0.9, ls="--", label=f"alarm at {1.0 / found.alpha:.4g}"),
         ],
-        loc="lower center", ncols=2 + len(branches),
+        loc="lower center", ncols=3 + len(branches),
     )  # fmt: skip
     data: dict[str, Any] = {"cycle": cycle, "log10_e": total, "log10_alarm": np.full(cycle.size, needed)}
     caption = (
@@ -94,9 +92,9 @@ def numbers_figure(stored: StoredWatch) -> Drawing:
     """The numbers of every sweep against the cycle, with what is normal."""
     found = stored.found
     channels = list(dict.fromkeys(n.channel for n in found.numbers))
-    figure = empty_sheet(0.85 + 2.3 * len(WATCHED), 1.0 + 1.95 * len(channels))
+    figure = empty_sheet(0.85 + 2.3 * len(WATCHED), 0.9 + 2.05 * len(channels))
     axes = panels(
-        figure, len(channels), len(WATCHED), left=0.7, right=0.12, bottom=0.5, top=0.55, gap_x=0.6, gap_y=0.6
+        figure, len(channels), len(WATCHED), left=0.7, right=0.12, bottom=0.5, top=0.55, gap_x=0.6, gap_y=0.7
     )
     cycle = _axis(found)
     rows: list[tuple[Any, ...]] = []
@@ -120,8 +118,8 @@ def numbers_figure(stored: StoredWatch) -> Drawing:
     branch_legend(figure, (n.branch for n in found.numbers))
     caption = (
         "Offset, stroke, shift, width of every sweep and what these leave; left of the dotted line the fitted cycles, "
-        "right of it the watched ones. Bands: where 95 % of the sweeps are while nothing changes. A red line is the "
-        "alarm."
+        "right of it the watched ones. Bands: where 95 % of the sweeps are while nothing changes."
+        + (" The red line is the alarm." if found.alarm is not None else "")
     )
     header = ("branch", "channel", "number", "unit", "cycle", "value", "normal_low", "normal_high")
     return Drawing("numbers", caption, caption, figure, as_columns(header, rows))
