@@ -46,8 +46,8 @@ TURN: Final = 10.0
 TICKS: Final = tuple(
     s * t for s, ts in ((-1.0, (1e4, 1e3, 100.0, 10.0)), (1.0, (0.0, 10.0, 100.0, 1e3, 1e4))) for t in ts
 )
-ROWS: Final = 9
-"""Records on one page."""
+ROWS: Final = 6
+"""Records in one figure: letters of more are too small in print."""
 
 
 def look(name: str) -> tuple[str, str]:

@@ -47,16 +47,19 @@ def curves_figure(stored: StoredCycles, number: int) -> Drawing:
     one, unit = stored.found.conditions[number - 1], stored.found.temperature_unit
     channels = list(dict.fromkeys(c.channel for c in one.curves))
     branches = list(dict.fromkeys(c.branch for c in one.curves))
-    figure = empty_sheet(0.9 + 3.0 * len(branches), 1.0 + 2.45 * len(channels))
+    beside = min(len(channels), ACROSS // len(branches))
+    high = -(-len(channels) // beside)
+    figure = empty_sheet(max(0.9 + 2.3 * beside * len(branches), 6.9), 1.0 + 2.25 * high)
     axes = panels(
-        figure, len(channels), len(branches), left=0.75, bottom=0.5, top=0.75, gap_x=0.75, gap_y=0.65
+        figure, high, beside * len(branches), left=0.75, bottom=0.5, top=0.75, gap_x=0.75, gap_y=0.65
     )
     names = ("cycle", f"temperature_{unit}", "q05", "q50", "q95")
     rows: list[tuple[Any, ...]] = []
     last = one.measured[-1]
     colours = ordered_colours(max(last - one.cycles[0] + 1, 2))
     for curve in one.curves:
-        ax = axes[channels.index(curve.channel)][branches.index(curve.branch)]
+        row, place = divmod(channels.index(curve.channel), beside)
+        ax = axes[row][place * len(branches) + branches.index(curve.branch)]
         file = f"curves/{one.condition}-{curve.branch}-{curve.channel}.csv"
         columns = series_shown(stored, file, curve.channel)
         cycle, t = columns["cycle"], columns[f"temperature_{unit}"]
@@ -74,6 +77,8 @@ def curves_figure(stored: StoredCycles, number: int) -> Drawing:
         ax.set_title(curve.branch, color=COLOURS[curve.branch])
         ax.set_xlabel(f"temperature [{unit_label(unit)}]")
         _label(ax, curve.channel, curve.unit)
+    for empty in axes[-1][(len(channels) - (high - 1) * beside) * len(branches) :]:
+        empty.set_axis_off()
     heading(figure, f"{one.condition}: curves by cycle", "")
     figure.text(
         0.1 / figure.get_figwidth(), 1.0 - 0.3 / figure.get_figheight(), va="top", fontsize=7.0, color="#555555",
@@ -158,8 +163,8 @@ def _against_cycle(
     temperature_unit: str,
 ) -> Drawing:
     wide = max(len(r) for r in rows)
-    figure = empty_sheet(0.85 + 2.3 * wide, 1.0 + 1.95 * len(rows))
-    axes = panels(figure, len(rows), wide, left=0.7, right=0.12, bottom=0.5, top=0.55, gap_x=0.75, gap_y=0.6)
+    figure = empty_sheet(0.85 + 2.3 * wide, 0.9 + 2.05 * len(rows))
+    axes = panels(figure, len(rows), wide, left=0.7, right=0.12, bottom=0.5, top=0.55, gap_x=0.75, gap_y=0.7)
     for r, row in enumerate(rows):
         for c in range(wide):
             ax = axes[r][c]
