@@ -20,7 +20,14 @@ from matplotlib.axis import Axis
 from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 from matplotlib.lines import Line2D
-from matplotlib.ticker import MaxNLocator, NullFormatter, ScalarFormatter
+from matplotlib.ticker import (
+    FuncFormatter,
+    LogLocator,
+    MaxNLocator,
+    NullFormatter,
+    NullLocator,
+    ScalarFormatter,
+)
 
 from sma_bayes.arrays import Floats
 from sma_bayes.errors import SmaBayesError
@@ -38,6 +45,8 @@ COLOURS: Final = {"heating": "#c8501e", "cooling": "#1f6fb2"}
 """Vermilion and blue: apart for colour-blind eyes, and in grey."""
 
 
+LINEAR_TICKS_RATIO: Final = 5.0
+"""Ratio of the ends of a logarithmic axis up to which its ticks are as on a linear one."""
 INK, FAINT, WARNING, PRIOR = "#222222", "#9a9a9a", "#a40000", "#6a3d9a"
 
 
@@ -274,6 +283,23 @@ def panels(
 def few_ticks(most: int) -> MaxNLocator:
     """At most so many ticks, at round numbers."""
     return MaxNLocator(most, steps=[1, 2, 2.5, 5, 10])
+
+
+def logarithmic(ax: Axes, axis: Axis) -> None:
+    """Logarithmic axis with plain numbers; over more than two decades only powers of ten have one.
+
+    Over less than a factor of `LINEAR_TICKS_RATIO` round numbers have one, as on a linear axis.
+    """
+    (ax.set_xscale if axis is ax.xaxis else ax.set_yscale)("log")
+    low, high = axis.get_view_interval()
+    few = high / low > 100.0
+    if high / low < LINEAR_TICKS_RATIO:
+        axis.set_major_locator(few_ticks(5))
+        axis.set_minor_locator(NullLocator())
+    else:
+        axis.set_major_locator(LogLocator(subs=(1.0,) if few else (1.0, 2.0, 5.0), numticks=12))
+    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
+    axis.set_minor_formatter(NullFormatter())
 
 
 def take_power(axis: Axis) -> int:

@@ -8,10 +8,8 @@ from typing import Any, Final
 
 import numpy as np
 from matplotlib.axes import Axes
-from matplotlib.axis import Axis
 from matplotlib.lines import Line2D
 from matplotlib.patches import Patch
-from matplotlib.ticker import FuncFormatter, LogLocator, NullFormatter, NullLocator
 
 from sma_bayes.arrays import Floats
 from sma_bayes.quantities import quantity_of
@@ -28,6 +26,7 @@ from sma_bayes.report.figures.sheet import (
     heading,
     in_units_of,
     label_width,
+    logarithmic,
     name_rows,
     numbered,
     panels,
@@ -56,8 +55,6 @@ FEATURES_SHOWN: Final = (
 )  # fmt: skip
 """Features whose effects are drawn, in this order."""
 PRIOR_LED: Final = " The scatter between conditions, and with it the width, is dominated by its prior."
-LINEAR_TICKS_RATIO: Final = 5.0
-"""Ratio of the ends of a logarithmic axis up to which its ticks are as on a linear one."""
 MAX_RANGES_BEYOND: Final = 3.0
 """How far beyond the measured values a band is drawn [their range]; what is wider is cut off."""
 
@@ -141,7 +138,7 @@ def _stiffness(ax: Axes, ids: Sequence[str], features: Iterable[StatedFeature]) 
     for (condition, branch), values in ends.items():
         place = ids.index(condition) + _offset(branch)
         ax.plot([min(values), max(values)], [place, place], color=COLOURS[branch], lw=0.6, alpha=0.7)
-    _logarithmic(ax, ax.xaxis)
+    logarithmic(ax, ax.xaxis)
     ax.set_xlabel(f"least and greatest stiffness [{in_units_of(0, unit)}]")
     return rows
 
@@ -250,7 +247,7 @@ def _effects(ax: Axes, part: Sequence[StatedEffect], specimen: bool) -> Iterator
     units = sorted({unit_label(e.unit) for e in part if e.unit != "1"})
     ax.set_xlabel("factor [1]" if factor else f"difference [{' or '.join(units) or '1'}]")
     if factor:
-        _logarithmic(ax, ax.xaxis)
+        logarithmic(ax, ax.xaxis)
     else:
         ax.xaxis.set_major_locator(few_ticks(6))
 
@@ -393,7 +390,7 @@ def _finish(
     if channel == "stiffness" and low > 0.0:
         stretch = max((high / low) ** 0.75, 3.0)
         ax.set_ylim(low / stretch, high * stretch)
-        _logarithmic(ax, ax.yaxis)
+        logarithmic(ax, ax.yaxis)
     else:
         bottom, top = ax.get_ylim()
         reach = MAX_RANGES_BEYOND * (high - low) / 4.0
@@ -402,23 +399,6 @@ def _finish(
     ax.set_ylabel(f"{of.quantity} [{in_units_of(power, of.unit)}]")
     if temperature_unit:
         ax.set_xlabel(f"temperature [{unit_label(temperature_unit)}]")
-
-
-def _logarithmic(ax: Axes, axis: Axis) -> None:
-    """Logarithmic axis with plain numbers; over more than two decades only powers of ten have one.
-
-    Over less than a factor of `LINEAR_TICKS_RATIO` round numbers have one, as on a linear axis.
-    """
-    (ax.set_xscale if axis is ax.xaxis else ax.set_yscale)("log")
-    low, high = axis.get_view_interval()
-    few = high / low > 100.0
-    if high / low < LINEAR_TICKS_RATIO:
-        axis.set_major_locator(few_ticks(5))
-        axis.set_minor_locator(NullLocator())
-    else:
-        axis.set_major_locator(LogLocator(subs=(1.0,) if few else (1.0, 2.0, 5.0), numticks=12))
-    axis.set_major_formatter(FuncFormatter(lambda value, _: f"{value:g}"))
-    axis.set_minor_formatter(NullFormatter())
 
 
 def _said(ax: Axes, text: str, *, warn: bool) -> None:

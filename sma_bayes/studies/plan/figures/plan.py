@@ -19,10 +19,10 @@ from sma_bayes.report.figures.sheet import (
     empty_sheet,
     heading,
     label_width,
+    logarithmic,
     name_rows,
     ordered_colours,
     panels,
-    take_power,
 )
 from sma_bayes.studies.plan.schema import ExpectedQuantity, PlanDocument, PlannedCandidate, StoredPlan
 from sma_bayes.studies.plan.words import asked_words, has_even, hours_text, quantity_name, range_text
@@ -31,6 +31,8 @@ COLOURED_CONDITIONS: Final = 8
 """Conditions that have colours of their own."""
 MAX_QUANTITIES: Final = 24
 """Quantities that are drawn, those that shrink most."""
+BEST: Final = "#1f6fb2"
+"""Colour of the best candidate; red turns into a pale one on a dark page."""
 OUTCOME_OFFSETS: Final = (-0.25, 0.0, 0.25)
 """Where in the row of a quantity each outcome is, so that equal ones do not hide each other."""
 
@@ -52,7 +54,6 @@ def candidates_figure(stored: StoredPlan) -> Drawing:
             ax.plot(
                 c.hours, value, "o", ms=4, color=colour[c.condition], mfc="white" if hollow else None, mew=0.8
             )
-    ax.set_xscale("log")
     front = _front(found.candidates, apart)
     ax.plot([c.hours for c, _ in front], [v for _, v in front], color=FAINT, lw=0.8, zorder=0)
     best = next((c for c in found.candidates if c.fits), None)
@@ -64,7 +65,7 @@ def candidates_figure(stored: StoredPlan) -> Drawing:
         ax.set(ylim=(-0.02, 1.05), ylabel="probability of telling apart [1]")
     else:
         ax.set(ylim=(0.0, None), ylabel="expected information [nats]")
-    take_power(ax.xaxis)
+    logarithmic(ax, ax.xaxis)
     ax.set_xlabel("time on the rig [h]")
     handles = [dot_handle(colour[c], c) for c in conditions[:COLOURED_CONDITIONS]]
     handles.append(
@@ -129,7 +130,7 @@ def narrowing_figure(stored: StoredPlan) -> Drawing:
     ax: Axes = panels(figure, 1, 1, left=label_width(names), right=0.2, bottom=0.5, top=0.62)[0, 0]
     name_rows(ax, names, labelled=True)
     ax.axvline(1.0, color=INK, lw=0.6)
-    colours = (WARNING, INK, FAINT)
+    colours = (BEST, INK, FAINT)
     for place, k in enumerate(known):
         for one, colour, beside in zip(left, colours, OUTCOME_OFFSETS, strict=False):
             value = one.get((k.key, k.name), 1.0)
