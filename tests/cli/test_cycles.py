@@ -14,6 +14,7 @@ import pytest
 
 import sma_bayes
 from sma_bayes.records.types import Branch
+from sma_bayes.report.notation import with_percent
 
 CYCLES = 10
 AT = ["48 degC", "52 degC", "56 degC", "60 degC", "64 degC", "68 degC"]
@@ -205,7 +206,7 @@ def test_the_terminal_tells_the_same_and_closes_with_a_sentence(
     one, other = found_in(out)["conditions"][0], found_in(again)["conditions"][0]
     assert one == other
     assert one["law"]["reason"].split(":")[0] in outcome.out
-    assert f"bench: {one['stable']['statement']}" in " ".join(outcome.out.split())
+    assert with_percent(f"bench: {one['stable']['statement']}") in outcome.out
 
 
 def test_resuming_and_reporting_change_nothing(run: Callable[..., Any], bench: Path, out: Path) -> None:
