@@ -7,7 +7,8 @@ from collections.abc import Iterator, Sequence
 from sma_bayes.effects import EFFECTS
 from sma_bayes.report.notation import unit_label
 from sma_bayes.studies.gap.flexible import SHAPE_COVARIATE
-from sma_bayes.studies.gap.schema import AddedEffect, GapOfModel, StatedGap, StatedRemaining
+from sma_bayes.studies.gap.scatter import members_of
+from sma_bayes.studies.gap.schema import AddedEffect, GapOfModel, StatedGap, StatedRemaining, StudiedCondition
 from sma_bayes.studies.gap.words import channel_text, p_text, remainder_text
 
 MOSTLY_CLOSED_SHARE = 0.5
@@ -34,6 +35,7 @@ def cautions(found: GapOfModel) -> list[str]:
         *out,
         *_about_intervals(found),
         *_about_two_loads(found),
+        *_about_scatter(found),
         *_about_sweeps(found),
         *_about_suspects(found),
         *_about_memory(found),
@@ -64,6 +66,28 @@ def _about_two_loads(found: GapOfModel) -> Iterator[str]:
             "same (a sensor set to zero anew, another temperature reading, another specimen); a third load tells, or "
             "one of the two measured again."
         )
+
+
+def _about_scatter(found: GapOfModel) -> Iterator[str]:
+    """Random effects: they say how much runs or cycles differ, and not why."""
+    for e in found.added:
+        members = members_of(EFFECTS[e.id]) if e.id in EFFECTS else ()
+        if "condition" in members:
+            yield f"{e.id} says how much conditions differ, not why{_about_own_settings(found.conditions)}."
+        elif members:
+            yield f"{e.id} says how much cycles differ, not why: what follows slowly enough looks the same."
+
+
+def _about_own_settings(conditions: Sequence[StudiedCondition]) -> str:
+    """Whether each condition has settings of its own, so that a law of these can't be told from chance."""
+    names = dict.fromkeys(name for c in conditions for name in c.settings)
+    varied = [n for n in names if len({c.settings.get(n) for c in conditions}) > 1]
+    if not varied or len({tuple(c.settings.get(n) for n in varied) for c in conditions}) < len(conditions):
+        return ""
+    return (
+        f": each has {' and '.join(varied)} of its own, and a law of that which is not in the catalogue looks the "
+        "same; one condition measured again tells"
+    )
 
 
 CYCLE_EFFECTS = ("training", "training_drift", "amplitude_fatigue")

@@ -270,6 +270,18 @@ def loaded(effect: str, *loads: float) -> dict[str, Any]:
         ),
         (loaded("dead_load", 1.0, 2.0, 3.0), []),
         (
+            loaded("run_offset", 1.0, 2.0, 3.0),
+            [
+                "run_offset says how much conditions differ, not why: each has load of its own, and a law of that"
+            ],
+        ),
+        (loaded("run_offset", 1.0, 2.0, 1.0), ["run_offset says how much conditions differ, not why."]),
+        (loaded("run_offset", 1.0, 1.0), ["run_offset says how much conditions differ, not why."]),
+        (
+            loaded("cycle_offset", 1.0),
+            ["cycle_offset says how much cycles differ, not why: what follows slowly"],
+        ),
+        (
             {"readings_as_one": 12.3},
             ["those of least squares, and 12.3 readings count as one in their intervals"],
         ),
