@@ -194,6 +194,7 @@ def _known_unit(unit: str, what: str, meant: str | None, like: tuple[str, ...]) 
     try:
         return _registry().Unit(unit)
     except (pint.errors.UndefinedUnitError, *_NOT_A_UNIT):
+        meant = meant or _with_exponent(unit, like)
         raise QuantityError(
             f"unit {unit!r} of {what} is not known",
             expected=f"a unit such as {like[0]!r}, or 'arbitrary'",
@@ -201,6 +202,12 @@ def _known_unit(unit: str, what: str, meant: str | None, like: tuple[str, ...]) 
             if meant
             else near_matches(unit, ("degC", "kelvin", "degF", "N", "mm", "percent", *like)),
         ) from None
+
+
+def _with_exponent(unit: str, like: tuple[str, ...]) -> str | None:
+    """``mm^2`` for ``mm2``, where that can be turned into another unit; None where it can't."""
+    raised = re.sub(r"(?<=[A-Za-z])(?=\d)", "^", unit)
+    return raised if raised != unit and any(can_convert(raised, to) for to in like) else None
 
 
 _SUPERSCRIPTS = str.maketrans("⁰¹²³⁴⁵⁶⁷⁸⁹⁻", "0123456789-")

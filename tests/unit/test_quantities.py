@@ -121,6 +121,7 @@ def test_text_that_is_no_unit_is_refused(unit: str) -> None:
         ("GPA", "Pa", "GPa"),
         ("℃", "degC", "degC"),
         ("ºC", "degC", "degC"),
+        ("mm2", "m^2", "mm^2"),
     ],
 )
 def test_a_unit_as_people_write_it_is_told_as_it_has_to_be(unit: str, to: str, meant: str) -> None:

@@ -22,8 +22,7 @@ How well a spring repeats in its rig is told by all numbers together: half-Cauch
 a scale in common, and the share of numbers that walk is one for all, both on grids.
 
 Given ``n_0``, ``tau``, ``omega`` and the size of ``b`` all else is normal and is integrated exactly; these are on
-grids.
-So the evidence of each law is a sum, and draws, given the kinds that move, are exact up to the grids.
+grids. So the evidence of each law is a sum, and draws, given the kinds that move, are exact up to the grids.
 
 References
 ----------
