@@ -1,9 +1,12 @@
 """Draws in far tails, of stiffness with AR(1) noise, that a first proposal has missed by a factor of 30 and more.
 
-A run that meets such a draw must fit its proposal again instead of going on or setting out to explore, which takes
-half a minute; and what it then gives must be right. False alarm: shares of the draws below seven quantiles of 60,000
-importance draws, 56 comparisons a run and three runs, each within 4.5 standard errors of 1,000 effective draws: one
-in 800.
+A run that meets such a draw must not go on as if nothing were; whichever way it then goes, what it calls converged must
+be right. It is held against 300,000 importance draws of a proposal that reaches far. The lower tail of A3 is so heavy
+(kurtosis 125) that 60,000 draws of one that reaches less far have its 2.5 % quantile wrong by 0.2 sd, its sd by 20 %.
+False alarm, were the seed drawn anew: shares of the draws below seven quantiles, 56 comparisons a run and three runs,
+each within 4.5 standard errors of 1,000 effective draws: one in 800. Of 20 seeds, 1000 to 1019, all converged; outer
+quantiles were off by 0.15 sd at most, ln Z by 2.4 errors and standard deviations by 4 %, but for that of A3: it
+scatters by 8 %, and three of the 20 were off by more than the 7 % and two errors of the reference that are let pass.
 
 Stiffness alone with independent noise is bent, too, and in its own parameters a proposal seems good that misses a
 hundredth of the posterior; in coordinates of the predictions it is not.
@@ -12,21 +15,24 @@ hundredth of the posterior; in coordinates of the predictions it is not.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 import pytest
 from benchmark.problems import Case, Problem
-from scipy.special import logsumexp
+from measure_tails import LN_Z_OFF, OFF, QUANTILES, SD_OFF
 
+from sma_bayes.arrays import Floats
 from sma_bayes.fitting.posterior import Posterior
 from sma_bayes.sampling.adaptation import adapt, weigh
-from sma_bayes.sampling.audit import reaching_further
+from sma_bayes.sampling.audit import audited, reaching_further
 from sma_bayes.sampling.ensembles import sample
-from sma_bayes.sampling.laplace import Mode
+from sma_bayes.sampling.laplace import Mode, find_mode
 from sma_bayes.sampling.proposals import AnyProposal
-from sma_bayes.sampling.weighted import weighted_quantiles
+from sma_bayes.sampling.weighted import resampled, weighted_quantiles
 
-LEVELS = (0.025, 0.05, 0.25, 0.5, 0.75, 0.95, 0.975)
+LEVELS = (QUANTILES[0], 0.05, 0.25, 0.5, 0.75, 0.95, QUANTILES[1])
+OUTER = [0, -1]
 
 
 def far_reaching(posterior: Posterior, modes: Sequence[Mode]) -> AnyProposal:
@@ -38,29 +44,67 @@ def far_reaching(posterior: Posterior, modes: Sequence[Mode]) -> AnyProposal:
     return adapted.proposal
 
 
+def mended(posterior: Posterior, proposal: AnyProposal) -> AnyProposal:
+    """The same, fitted twice to many weighted draws of its own."""
+    rng, width = np.random.default_rng(0), posterior.space.prior_sd()
+    for _ in range(2):
+        drawn = weigh(posterior, proposal, rng, 60_000)
+        z = drawn.z[resampled(drawn.log_weight, 20_000, rng)]
+        found = audited(posterior, proposal, drawn.log_weight, z, width, rng)
+        proposal = found.mended(posterior, proposal, rng).proposal
+    return proposal
+
+
+@dataclass(frozen=True, eq=False)
+class Reference:
+    """A posterior, and what importance draws tell of it: quantiles (7, D), sd with its standard error (D,), ln Z."""
+
+    problem: Problem
+    quantiles: Floats
+    sd: Floats
+    sd_error: Floats
+    ln_evidence: float
+    ln_evidence_sd: float
+
+
+@pytest.fixture(scope="module")
+def reference() -> Reference:
+    problem = Problem.of(Case("S", "ar1").records()[10], "ar1")
+    posterior = problem.posterior
+    mode = find_mode(posterior, problem.start, posterior.space.prior_sd())
+    assert mode is not None
+    proposal = mended(posterior, far_reaching(posterior, [mode]))
+    drawn = weigh(posterior, proposal, np.random.default_rng(1), 300_000)
+    assert drawn.weights.efficiency > 0.6
+    used = drawn.weights.normalised > 0.0
+    z, share = drawn.z[used], drawn.weights.normalised[used]
+    off = (z - share @ z) ** 2
+    variance = share @ off
+    error = 0.5 * np.sqrt(share**2 @ (off / variance - 1.0) ** 2)
+    quantiles = weighted_quantiles(z, np.log(share), LEVELS)
+    return Reference(problem, quantiles, np.sqrt(variance), error, *drawn.weights.log_evidence())
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize(
-    ("record", "seed"),
-    [(10, 1004), *(pytest.param(10, seed, marks=pytest.mark.thorough) for seed in (1013, 1016))],
+    "seed", [1004, *(pytest.param(seed, marks=pytest.mark.thorough) for seed in (1013, 1016))]
 )
-def test_a_proposal_that_missed_a_tail_is_fitted_again(record: int, seed: int) -> None:
-    problem = Problem.of(Case("S", "ar1").records()[record], "ar1")
-    posterior = problem.posterior
+def test_what_a_first_proposal_missed_is_in_the_draws(reference: Reference, seed: int) -> None:
+    problem, posterior = reference.problem, reference.problem.posterior
     draws = sample(posterior, [problem.start], posterior.space.prior_sd(), np.random.SeedSequence(seed))
     assert draws.convergence.converged
-    assert draws.method in ("independence", "independence after an audit")
     assert draws.evaluations > 40_000  # it did not do at the first try, or this test says nothing
 
-    drawn = weigh(posterior, far_reaching(posterior, draws.modes), np.random.default_rng(1), 60_000)
-    weights = drawn.weights
-    assert weights.efficiency > 0.4
-    usable = np.isfinite(weights.log_weight)
-    log_weight = weights.log_weight[usable] - logsumexp(weights.log_weight)
-    quantiles = weighted_quantiles(drawn.z[usable], log_weight, LEVELS)
     z, levels = draws.z.reshape(-1, draws.z.shape[-1]), np.array(LEVELS)[:, None]
-    shares = (z[:, None] <= quantiles).mean(axis=0)
+    shares = (z[:, None] <= reference.quantiles).mean(axis=0)
     error = np.sqrt(levels * (1.0 - levels) / 1000.0)
     assert np.abs((shares - levels) / error).max() < 4.5
+
+    ends = reference.quantiles[OUTER]
+    assert np.abs((np.quantile(z, QUANTILES, axis=0) - ends) / reference.sd).max() < OFF
+    assert np.all(np.abs(z.std(axis=0) / reference.sd - 1.0) < SD_OFF + 2.0 * reference.sd_error)
+    error = np.hypot(draws.ln_evidence_sd, reference.ln_evidence_sd)
+    assert abs(draws.ln_evidence - reference.ln_evidence) < LN_Z_OFF * error
 
 
 @pytest.mark.slow
