@@ -189,7 +189,11 @@ LEAST_STEPS = 4
 """Steps at least of a further block of independence moves: of few proposals a walker has little to choose from."""
 
 ASSESSMENT_GROWTH = 1.2
-"""By how much a chain must have grown to be assessed again: assessing then costs in proportion to its length."""
+"""By how much a chain must have grown to be assessed again."""
+MAX_ASSESSED_STEPS = 500
+"""Steps of a chain, evenly spaced, by which it is assessed, at most. Where each walker has moved for `MIXED_TIMES`
+autocorrelation times these are 25 steps long and more, and nothing is lost; of all steps of long chains assessing
+takes several times as long as making them."""
 
 Progress = Callable[[str], None]
 
@@ -530,9 +534,10 @@ class _Run:
                 continue
             look = math.ceil(ASSESSMENT_GROWTH * block)
             burn = groups[0].length // 4
+            thin = math.ceil((groups[0].length - burn) / MAX_ASSESSED_STEPS)
             ess = max(plan.target.ess, MIXED_TIMES * plan.groups * self.walkers)
             target = replace(plan.target, ess=ess)
-            convergence = assess(np.concatenate([g.chains[:, burn:] for g in groups]), target)
+            convergence = assess(np.concatenate([g.chains[:, burn::thin] for g in groups]), target)
             if convergence.converged or self.spent:
                 z = np.concatenate([g.chains[:, burn:] for g in groups]).reshape(-1, self.width.size)
                 # of draws that hang together so many count as the least effective sample size says
