@@ -9,7 +9,6 @@ from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from sma_bayes.account import Account
 from sma_bayes.arrays import Floats
@@ -27,6 +26,7 @@ from sma_bayes.response.base import ResponseModel
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
 from sma_bayes.sampling.ensembles import Plan
 from sma_bayes.sampling.factors import sample_by_factors
+from sma_bayes.threads import one_thread
 
 AUTO = "auto"
 """Name of the choice of the noise model from what the warm start leaves."""
@@ -93,7 +93,7 @@ def fit_records(
         If the records or the call can't be used.
     """
     account = Account()
-    with threadpool_limits(limits=1):  # linear algebra on several threads may round differently
+    with one_thread():
         with account.timed("warm_start"):
             start_seed, sample_seed, mean_seed = _seed(records, seed).spawn(3)
             models = ladder or [(model or ModifiedSigmoid(records[0].channels), priors)]
@@ -202,7 +202,7 @@ def support_for(
     records, ladder, noise, seed
         See `fit_records`.
     """
-    with threadpool_limits(limits=1):
+    with one_thread():
         start_seed, _ = _seed(records, seed).spawn(2)
         return support_of(_prepared(records, ladder, noise, start_seed))
 

@@ -27,12 +27,12 @@ from itertools import islice
 from typing import Any, Generic, TypeVar
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from sma_bayes.account import Account
 from sma_bayes.errors import WorkerError
 from sma_bayes.fitting.posterior import versions
 from sma_bayes.runs.workers import follow, signals_left_to_parent
+from sma_bayes.threads import one_thread
 
 T = TypeVar("T")
 R = TypeVar("R")
@@ -173,10 +173,10 @@ def _here_first(
 
 
 def _timed(task: Callable[[T], R], item: T) -> _Done[R]:
-    """Do a task on one thread: linear algebra on several may round differently."""
+    """Do a task on one thread."""
     _keep_freed_memory()
     wall, cpu = time.perf_counter(), time.process_time()
-    with threadpool_limits(limits=1):
+    with one_thread():
         result = task(item)
     return _Done(result, time.perf_counter() - wall, time.process_time() - cpu)
 

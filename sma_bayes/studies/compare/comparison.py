@@ -19,7 +19,6 @@ from typing import Final
 
 import numpy as np
 from scipy.special import logsumexp
-from threadpoolctl import threadpool_limits
 
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.correlation import Agreement, agreement
@@ -60,6 +59,7 @@ from sma_bayes.studies.compare.contenders import (
 )
 from sma_bayes.studies.compare.schema import StatedVerdict
 from sma_bayes.studies.compare.verdict import Standing, judge, stacking_weights
+from sma_bayes.threads import one_thread
 
 AUTO: Final = "auto"
 SCREENED_DRAWS: Final = 3000
@@ -282,7 +282,7 @@ def start_comparison(
     missing = {c.name: why for c in entrants if (why := unavailable(c, record))}
     copies = {c.name: other for c in entrants if c.name not in missing and (other := copy_of(c, record))}
     running = tuple(c for c in entrants if c.name not in missing and c.name not in copies)
-    with threadpool_limits(limits=1):
+    with one_thread():
         scatter = NOISE_MODELS[SIMPLEST if noise == AUTO else noise]
         start_seed, *seeds = root.spawn(len(running) + 1)
         rng = np.random.default_rng(start_seed)
@@ -324,7 +324,7 @@ def finished_comparison(
     clock = time.perf_counter()
     setting, running = begun.setting, begun.running
     fitted: dict[str, FittedContender] = {}
-    with threadpool_limits(limits=1):
+    with one_thread():
         for c, own in zip(running, begun.seeds, strict=True):
             name = f"{c.name}, model {len(fitted) + 1} of {len(running)}"
             tell = partial(_tell, progress, name)

@@ -10,7 +10,6 @@ from typing import Any, Final
 
 import numpy as np
 from pydantic import Field
-from threadpoolctl import threadpool_limits
 
 from sma_bayes.account import Account
 from sma_bayes.arrays import Floats
@@ -57,6 +56,7 @@ from sma_bayes.studies.identity import of_campaign, run_identity
 from sma_bayes.studies.options import FitOptions, model_named, prior_set
 from sma_bayes.studies.run_context import RunContext
 from sma_bayes.studies.study_step import DrawnTable, StudyStep, Texts, temperatures
+from sma_bayes.threads import one_thread
 
 STABLE_SHARE: Final = 0.02
 STABLE_PROBABILITY: Final = 0.9
@@ -163,7 +163,7 @@ def cycles(
             left_out=tuple(left_out),
         )
 
-    with threadpool_limits(limits=1):
+    with one_thread():
         return work.execute(out, identity, resume, find)
 
 

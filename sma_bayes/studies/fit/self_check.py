@@ -33,7 +33,6 @@ from typing import Final
 
 import numpy as np
 from numpy.typing import NDArray
-from threadpoolctl import threadpool_limits
 
 from sma_bayes.account import Account
 from sma_bayes.arrays import Floats, Ints
@@ -61,6 +60,7 @@ from sma_bayes.studies.sensitivity.quantities import (
     quantities_of,
     stated_temperatures,
 )
+from sma_bayes.threads import one_thread
 
 FOLDER: Final = "self_check"
 DEFAULT_REPLICATES: Final = 1000
@@ -286,7 +286,7 @@ def _refits(task: ReplicateTask) -> Iterator[tuple[Posterior, WeightedDraws, np.
 
 def common_shape(task: ReplicateTask) -> CommonShape | None:
     """What the posteriors of refits have in common."""
-    with threadpool_limits(limits=1), np.errstate(all="ignore"):
+    with one_thread(), np.errstate(all="ignore"):
         found = [draws for _, draws, _ in _refits(task)]
         return CommonShape.of(found, np.random.default_rng(np.random.SeedSequence([*task.seed, 1])))
 
@@ -324,7 +324,7 @@ def seconds_of_a_refit(task: ReplicateTask) -> float:
 def ranked(task: ReplicateTask) -> RecordRanks:
     """Simulate, fit again and rank."""
     posterior = task.posterior
-    with threadpool_limits(limits=1), np.errstate(all="ignore"):
+    with one_thread(), np.errstate(all="ignore"):
         found, quantities = [], None
         for i, (both, draws, rng) in enumerate(_refits(task)):
             if not draws.converged:

@@ -7,8 +7,6 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, Final
 
-from threadpoolctl import threadpool_limits
-
 from sma_bayes.account import Account
 from sma_bayes.effects import EFFECTS
 from sma_bayes.errors import SmaBayesError, many
@@ -35,6 +33,7 @@ from sma_bayes.studies.options import FitOptions, Pool, check_call, groups_of, p
 from sma_bayes.studies.run_context import RunContext
 from sma_bayes.studies.shared_model import with_shared_model
 from sma_bayes.studies.study_step import StepTable, StudyStep
+from sma_bayes.threads import one_thread
 
 
 def study_gap(
@@ -114,7 +113,7 @@ def _studied(
     announce(work.tell, expected_s(groups, options, work.jobs), what)
     work.tell(0, STAGES, "choosing the model")
     chosen, choice = with_shared_model(groups, options, work.jobs, work.account)
-    with threadpool_limits(limits=1):
+    with one_thread():
         outcome = gap_outcome(
             campaign,
             chosen.priors,

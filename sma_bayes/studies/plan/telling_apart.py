@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import Final
 
 import numpy as np
-from threadpoolctl import threadpool_limits
 
 from sma_bayes.errors import SmaBayesError, require_known
 from sma_bayes.records.types import Campaign
@@ -33,6 +32,7 @@ from sma_bayes.studies.plan.options import Options
 from sma_bayes.studies.plan.rivals import THRESHOLD, RivalExplanations, conditions_of, fitted_rivals
 from sma_bayes.studies.plan.schema import PlanFindings, PlannedCandidate, RivalPair, TellingApart
 from sma_bayes.studies.run_context import RunContext
+from sma_bayes.threads import one_thread
 
 RATE_FACTORS: Final = (1.0 / 3.0, 1.0, 3.0)
 LOAD_FACTORS: Final = (1.0, 0.5, 2.0)
@@ -77,10 +77,10 @@ def planned_apart(
     require_known(o.condition, settings, f"unknown condition {o.condition!r}", file=source)
     tried = _candidates(settings, campaign, o, source)
     work.tell(0, 2, "fitting the explanations again")
-    with work.account.timed("fit"), threadpool_limits(limits=1):
+    with work.account.timed("fit"), one_thread():
         rivals = fitted_rivals(gap, campaign, source / "priors.toml", o.seed)
     judged: list[Judged] = []
-    with work.account.timed("judge"), threadpool_limits(limits=1):
+    with work.account.timed("judge"), one_thread():
         for n, candidate in enumerate(tried):
             work.tell(n, len(tried), "judging candidates")
             judged.append((candidate, discriminations(rivals, candidate)))

@@ -11,7 +11,6 @@ from typing import Any, ClassVar, Final
 
 import numpy as np
 from pydantic import Field
-from threadpoolctl import threadpool_limits
 
 from sma_bayes.account import Account
 from sma_bayes.arrays import Floats
@@ -57,6 +56,7 @@ from sma_bayes.studies.watch.state import (
     write_state,
 )
 from sma_bayes.studies.watch.verdict import csv_columns, judged
+from sma_bayes.threads import one_thread
 
 ALPHA: Final = 0.01
 MOST_CYCLES: Final = 20_000
@@ -149,7 +149,7 @@ def watching(
     run = read_run(Path(folder))
     chosen = chosen_condition([r.condition for r in run.summary.records], condition, run.folder)
     limits = [limit_of(text, _temperature_unit(run, chosen)) for text in limit]
-    with threadpool_limits(limits=1):
+    with one_thread():
         work.tell(0, 1, "finding the curve that the fitted sweeps have in common")
         with work.account.timed("reference"):
             reference, reader = _reference(run, chosen, None if campaign is None else Path(campaign), seed)
