@@ -32,6 +32,9 @@ PRIOR_LED_CONTRACTION = 0.75
 MAX_SHOWN_RANGES = 10.0
 """Multiple of the range of a curve from which on the number itself says nothing."""
 GRID = 161
+"""Temperatures at which curves are looked at."""
+ENDS = 2
+"""And where it may be enough to look at both ends."""
 SWEEP_CHECKS = ("sweep_means", left_out.STATISTIC)
 """Checks of whether the sweeps of a record are alike."""
 
@@ -223,7 +226,9 @@ def reasons(
                 f"{r.quantity(channel)} remembers over {remembered:.0f} samples of a sweep of {steps.longest}"
             )
             out.append(_reason("memory", channel, what))
-        response = _response(fit, record, channel)
+        if own <= MAX_NOISE_SHARE * _response(fit, record, channel, ENDS):
+            continue
+        response = _response(fit, record, channel, GRID)
         if own > MAX_NOISE_SHARE * response:
             share = (
                 f"{100.0 * own / response:.0f} % of"
@@ -236,13 +241,14 @@ def reasons(
     return tuple(out)
 
 
-def _response(fit: Fit, record: int, channel: str) -> float:
-    """Range of the median curve of a channel over the measured temperatures [unit of the channel].
+def _response(fit: Fit, record: int, channel: str, points: int) -> float:
+    """Range of the median curve of a channel at even temperatures over the measured ones [unit of the channel].
 
-    Not that of the measurements: of noise alone it is some five standard deviations, whatever the response.
+    Not that of the measurements: of noise alone it is some five standard deviations, whatever the response. At more
+    temperatures it is never less than at the two ends.
     """
     t = fit.records[record].temperature
-    grid = np.linspace(float(t.min()), float(t.max()), GRID)
+    grid = np.linspace(float(t.min()), float(t.max()), points)
     return float(np.ptp(np.median(fit.curves(record).curve(channel, grid), axis=0)))
 
 

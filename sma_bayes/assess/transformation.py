@@ -297,17 +297,21 @@ def half_way(curve: Curve, low: float, high: float, guide: Curve | None = None) 
     found = tangents(curve, low, high, guide)
     margin = _SEARCH_MARGIN * (high - low)
     t = np.linspace(low - margin, high + margin, _HALF_WAY_POINTS)
-    return _nearest_zero(t, curve(t) - 0.5 * (found.below.line(t) + found.above.line(t)), found.middle)
+    return _nearest_zero(t, curve(t) - found.below.middle_line(found.above, t), found.middle)
 
 
 def _nearest_zero(t: Floats, y: Floats, place: Floats) -> Floats:
     """Temperatures (N,) at which y (N, m) is zero, of several that nearest to a place (N,); NaN where there is none."""
-    first, second = y[:, :-1], y[:, 1:]
+    row, left = np.nonzero(y[:, :-1] * y[:, 1:] <= 0.0)
+    first, second = y[row, left], y[row, left + 1]
     with np.errstate(divide="ignore", invalid="ignore"):
-        zero = np.where(first * second <= 0.0, t[:-1] + (t[1] - t[0]) * first / (first - second), np.nan)
-    distance = np.abs(zero - place[:, None])
-    nearest = np.where(np.isnan(distance), np.inf, distance).argmin(axis=1)
-    return np.asarray(zero[np.arange(len(zero)), nearest])
+        zero = t[left] + (t[1] - t[0]) * first / (first - second)
+    distance = np.abs(zero - place[row])
+    nearest_last = np.lexsort((-distance, row))
+    nearest_last = nearest_last[np.isfinite(distance[nearest_last])]
+    out = np.full(len(y), np.nan)
+    out[row[nearest_last]] = zero[nearest_last]
+    return out
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -324,10 +328,11 @@ class Plateau:
         line = self.value + self.slope * (temperature - self.place)
         return np.asarray(np.where(np.isfinite(self.crossing), line, np.nan))
 
-    def line(self, temperature: Floats) -> Floats:
-        """Values (N, m) at m temperatures."""
-        line = self.value[:, None] + self.slope[:, None] * (temperature - self.place[:, None])
-        return np.where(np.isfinite(self.crossing)[:, None], line, np.nan)
+    def middle_line(self, other: Plateau, temperature: Floats) -> Floats:
+        """Values (N, m) in the middle between this and another at m temperatures."""
+        first, slope = temperature[0], 0.5 * (self.slope + other.slope)
+        at_first = 0.5 * (self.at(first) + other.at(first))
+        return np.asarray(at_first[:, None] + slope[:, None] * (temperature - first))
 
 
 def _steepest(curve: Curve, low: float, high: float) -> tuple[Floats, Floats]:
