@@ -643,18 +643,19 @@ class Posterior:
         for step in range(LATENT_STEPS + 1):
             inputs = {**r.inputs, "temperature": r.temperature + spread[:, None] * xi}
             mean, slope = self.model.predict(model_theta, inputs), self.model.slope(model_theta, inputs)
-            pull, held, firm = -xi, np.ones_like(xi), np.ones_like(xi)
+            pull, firm, held = -xi, np.ones_like(xi), np.ones_like(xi)
             densities = {}
             for channel in r.channels:
                 scale = self.noise_scale(theta, record, channel, mean[channel])
                 e = (r.observed[channel] - mean[channel]) / scale
                 gain = spread[:, None] * slope[channel] / scale
-                held = held + information[channel] * gain * gain
-                # iteratively reweighted: an outlying sample of a heavy-tailed noise hardly holds its temperature
-                weight = self.noise.weight(e, shapes[channel])
-                pull = pull + gain * weight * e
-                firm = firm + np.maximum(weight, 0.0) * gain * gain
-                if step == LATENT_STEPS:
+                if step < LATENT_STEPS:
+                    # iteratively reweighted: an outlying sample of a heavy-tailed noise hardly holds its temperature
+                    weight = self.noise.weight(e, shapes[channel])
+                    pull = pull + gain * weight * e
+                    firm = firm + np.maximum(weight, 0.0) * gain * gain
+                else:
+                    held = held + information[channel] * gain * gain
                     densities[channel] = self.noise.log_density(e, shapes[channel], steps) - np.log(scale)
             if step < LATENT_STEPS:
                 xi = xi + np.clip(pull / firm, -1.0, 1.0)

@@ -188,6 +188,8 @@ class NoiseModel(ABC):
 
         1 for normal noise; less far out where tails are heavy.
         """
+        if self.is_gaussian:
+            return np.ones_like(innovation)
         at = np.where(np.abs(innovation) < SMALL_INNOVATION, SMALL_INNOVATION, innovation)
         return np.asarray(self.score(at, shape) / at)
 

@@ -65,8 +65,14 @@ def sigmoid(temperature: Floats, amplitude: Floats, rate: Floats, midpoint: Floa
 
 def sigmoid_slope(temperature: Floats, amplitude: Floats, rate: Floats, midpoint: Floats) -> Floats:
     """Derivative of `sigmoid` with respect to temperature."""
-    s = expit(rate * (temperature - midpoint))
-    return np.asarray(amplitude * rate * s * (1.0 - s))
+    fade = np.abs(rate * (temperature - midpoint))
+    np.negative(fade, out=fade)  # in place, and twice as fast as expit, as in `sigmoid`
+    np.exp(fade, out=fade)
+    share = fade + 1.0
+    share *= share
+    np.divide(fade, share, out=share)
+    share *= amplitude * rate
+    return share
 
 
 def log_cosh_squared(x: Floats) -> Floats:
