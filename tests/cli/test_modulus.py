@@ -146,7 +146,21 @@ def test_temperatures_and_shift_are_those_of_the_alloy(out: Path) -> None:
             assert low < 8.314 * 323.15**2 * np.log(10.0) / 4.0 < high
     (by_frequency,) = found["by_frequency"]
     assert by_frequency["factor"]["q05"] < 1.0 < by_frequency["factor"]["q95"]
-    assert any("apparent number" in r for r in found["remarks"])
+
+
+def test_what_an_activation_energy_is_stands_where_it_is_told(
+    out: Path, capsys: pytest.CaptureFixture[str]
+) -> None:
+    page = " ".join((out / "report.html").read_text(encoding="utf-8").split())
+    before, of_shift = page.split('<h2 id="shift">')
+    of_shift, after = of_shift.split('<h2 id="curves">')
+    assert ("apparent number" in before, "apparent number" in of_shift, "apparent number" in after) == (
+        False,
+        True,
+        False,
+    )
+    show_modulus(found_in(out), out)
+    assert "apparent number" in " ".join(capsys.readouterr().out.split())
 
 
 def test_moduli_that_are_declared_in_megapascals_stay_so(out: Path) -> None:
@@ -362,3 +376,4 @@ def test_sweeps_that_state_no_frequency_have_a_report(run: Callable[..., Any], t
     assert "1 sweep, seed 0" in told.out
     assert (tmp_path / "out" / "report.html").exists()
     assert (tmp_path / "out" / "figures" / "moduli.png").exists()
+    assert "apparent number" not in told.out + (tmp_path / "out" / "report.html").read_text(encoding="utf-8")

@@ -34,6 +34,11 @@ class ModulusOptions(DocumentPart):
 
 
 Modulus = Literal["storage_modulus", "loss_modulus"]
+ARRHENIUS: Final = (
+    "an activation energy here is that of an Arrhenius law, R = 8.314 J/(mol K), that would give the same shift: an "
+    "apparent number for a martensitic transformation, which is athermal"
+)
+"""What a shift is told with."""
 
 
 class CurveParameter(IntervalDocument):
@@ -186,6 +191,11 @@ class ModulusFindings(DeclaredUnits):
         """Severity and words of what is more than a note, each once, however many sweeps of a file it is true of."""
         told = ((f.severity, f"{f.file}: {f.message}") for f in self.findings if f.severity != "note")
         return tuple(dict.fromkeys(told))
+
+    @property
+    def of_energies(self) -> str:
+        """What the activation energies of its shifts are; empty where no shift is told."""
+        return ARRHENIUS if any(s.shift is not None for s in self.shifts) else ""
 
 
 class ModulusDocument(RunAccount, FilesBeside, ModulusFindings):

@@ -26,6 +26,8 @@ def show_modulus(told: Mapping[str, Any], out: Path) -> None:
     for text in dict.fromkeys(s.statement for s in found.shifts if s.shift is not None):
         shifted = next(s.branch for s in found.shifts if s.statement == text)
         console.tell(f"{shifted}, {text}")
+    if found.of_energies:
+        console.tell(found.of_energies)
     for b in found.by_frequency:
         f = b.factor
         console.tell(

@@ -41,7 +41,6 @@ from sma_bayes.studies.modulus.schema import (
     ShiftPoint,
 )
 from sma_bayes.studies.modulus.shift import (
-    GAS_CONSTANT,
     LEVELS,
     SCATTER_OF_MODULUS,
     arrhenius,
@@ -172,7 +171,7 @@ def modulus(
             damping=damping,
             shifts=shifts,
             by_frequency=tuple(_by_frequency(sweeps, told)),
-            remarks=tuple(_remarks(campaign, sweeps, told, damping, shifts, degrees_of(declared))),
+            remarks=tuple(_remarks(campaign, sweeps, told, damping, degrees_of(declared))),
             findings=tuple(map(FindingDocument.about, campaign.findings)),
         )
 
@@ -349,7 +348,6 @@ def _remarks(
     sweeps: Sequence[ModulusSweep],
     at: Sequence[float],
     damping: Sequence[DeclaredDamping],
-    shifts: Sequence[FrequencyShift],
     degrees: ShownUnit,
 ) -> Iterator[str]:
     for d in damping:
@@ -375,11 +373,6 @@ def _remarks(
                 yield f"{which}: {SENTENCES['exact'].format(what='it')}"
             elif not c.converged:
                 yield f"{which}: not converged"
-    if any(x.shift is not None for x in shifts):
-        yield (
-            f"an activation energy here is that of an Arrhenius law, R = {GAS_CONSTANT:.4g} J/(mol K), that would give "
-            "the same shift: an apparent number for a martensitic transformation, which is athermal"
-        )
 
 
 class ModulusTable(DrawnTable):
