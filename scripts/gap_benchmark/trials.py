@@ -299,13 +299,14 @@ def outcome_of(study: GapStudy, wanted: Sequence[str]) -> str:
         return "shape"
     if study.verdict != "named":
         return study.verdict
-    strangers = [c for c in study.classes.values() if not set(c) & set(wanted)]
+    classes = [study.classes[e.id] for e in study.named]
+    strangers = [c for c in classes if not set(c) & set(wanted)]
     if strangers:
         return "confident" if any(len(c) == 1 for c in strangers) else "wrong"
-    found = [w for w in wanted if any(w in c for c in study.classes.values())]
+    found = [w for w in wanted if any(w in c for c in classes)]
     if len(found) < len(wanted):
         return "shape" if {*wanted} - {*found} == {BEND} and study.steps[-1].only_shape else "part"
-    return "right" if {e.id for e in study.effects} == set(wanted) else "class"
+    return "right" if {e.id for e in study.named} == set(wanted) else "class"
 
 
 def interval(study: GapStudy, effect: str) -> tuple[float, float]:

@@ -29,6 +29,28 @@ REFERENCE: Final = (
 )
 
 
+def numbers_of_members(theta: Floats) -> tuple[Floats, Floats]:
+    """Offset, shift while heating and shift while cooling of each member, and how they change with the parameters.
+
+    Parameters
+    ----------
+    theta : ndarray, shape (2 + 3 n,)
+        Parameters of a random effect of n members, as of `scatter_parameters`.
+
+    Returns
+    -------
+    numbers : ndarray, shape (3 n,)
+        In units of the channel, then in kelvin.
+    jacobian : ndarray, shape (3 n, 2 + 3 n)
+        By the logarithms of s and w, and what members have of their own over them.
+    """
+    n = (theta.size - 2) // 3
+    size = np.repeat([theta[0], theta[0] * theta[1], theta[0] * theta[1]], n)
+    numbers = size * theta[2:]
+    of_ease = np.where(np.arange(3 * n) < n, 0.0, numbers)
+    return numbers, np.column_stack([numbers, of_ease, np.diag(size)])
+
+
 def channel_of(names: object) -> str:
     """Channel whose offset scatters: the displacement, or the force where there is no displacement."""
     return "displacement" if "displacement" in names else "force"  # type: ignore[operator]

@@ -9,7 +9,7 @@ from sma_bayes.report.notation import unit_label
 from sma_bayes.studies.gap.flexible import SHAPE_COVARIATE
 from sma_bayes.studies.gap.scatter import members_of
 from sma_bayes.studies.gap.schema import AddedEffect, GapOfModel, StatedGap, StatedRemaining, StudiedCondition
-from sma_bayes.studies.gap.words import channel_text, p_text, remainder_text
+from sma_bayes.studies.gap.words import channel_text, covariate_text, p_text, remainder_text
 
 MOSTLY_CLOSED_SHARE = 0.5
 """Share of the held-out gap below which what was named leaves most of it open."""
@@ -72,7 +72,13 @@ def _about_scatter(found: GapOfModel) -> Iterator[str]:
     """Random effects: they say how much runs or cycles differ, and not why."""
     for e in found.added:
         members = members_of(EFFECTS[e.id]) if e.id in EFFECTS else ()
-        if "condition" in members:
+        if e.follows is not None:
+            yield (
+                f"{e.id} is no name: {100.0 * e.follows.share:.0f} % of what {members[0]}s have of their own goes with "
+                f"their {covariate_text(found.channels, e.follows.covariate)}, so a law of that which is not in the "
+                f"catalogue explains as much; one {members[0]} measured again tells."
+            )
+        elif "condition" in members:
             yield f"{e.id} says how much conditions differ, not why{_about_own_settings(found.conditions)}."
         elif members:
             yield f"{e.id} says how much cycles differ, not why: what follows slowly enough looks the same."

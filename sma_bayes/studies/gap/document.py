@@ -36,6 +36,7 @@ from sma_bayes.studies.gap.schema import (
     AddedEffect,
     EffectParameter,
     FlexibleEvidence,
+    FollowedCovariate,
     GapOfModel,
     GapThresholds,
     HeatingFindings,
@@ -86,12 +87,13 @@ def gap_of_model(outcome: GapOutcome) -> GapOfModel:
     """What was found of one model.
 
     Without a disagreement beyond chance ``disagreement`` is empty, and the stretches of the greatest mean residual are
-    under ``within_chance``. Without a name ``effects`` is empty, and what was added on the way is under ``partial``.
+    under ``within_chance``. Under ``effects`` are names; what else was added is under ``partial``.
     """
     study = outcome.study
     found = tuple(_disagreement(d) for d in study.disagreements)
-    effects = tuple(_effect(outcome, e) for e in study.effects)
-    none, named = study.verdict == "none", study.verdict == "named"
+    names = {e.id for e in study.named}
+    effects = [_effect(outcome, e) for e in study.effects]
+    none = study.verdict == "none"
     judged = study.steps[0].candidates
     order = [*added(study), *(c.effect.id for c in judged)]  # what was added comes first
     return GapOfModel.about(
@@ -100,8 +102,8 @@ def gap_of_model(outcome: GapOutcome) -> GapOfModel:
         converged=outcome.converged,
         disagreement=() if none else found,
         within_chance=found if none else (),
-        effects=effects if named else (),
-        partial=() if named else effects,
+        effects=tuple(e for e in effects if e.id in names),
+        partial=tuple(e for e in effects if e.id not in names),
         readings_as_one=outcome.readings_as_one,
         candidates=tuple(
             _candidate(outcome, c) for c in sorted(judged, key=lambda c: order.index(c.effect.id))
@@ -202,12 +204,14 @@ def _noise(
 def _effect(outcome: GapOutcome, effect: Effect) -> AddedEffect:
     place, step, chosen = added(outcome.study)[effect.id]
     experiment = outcome.experiments.get(effect.id)
+    followed = outcome.study.followed.get(effect.id)
     beside = chosen.beside
     return AddedEffect.about(
         effect,
         **dict(_refitted(chosen)),
         round=place,
         class_=step.class_,
+        follows=None if followed is None else FollowedCovariate.about(followed),
         probability=probability(step, chosen),
         shape_apart=beside is not None and beside.shape_apart,
         remainder=None if beside is None else _remainder(beside),

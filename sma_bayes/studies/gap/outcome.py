@@ -334,6 +334,13 @@ def _judgement_of_added(study: GapStudy, candidate: Candidate) -> tuple[Status, 
     place = added(study)[candidate.effect.id][0]
     if all(e.id != candidate.effect.id for e in study.effects):
         return "rejected", f"added in round {place}, and made needless by what was added later"
+    followed = study.followed.get(candidate.effect.id)
+    if followed is not None:
+        return (
+            "rejected",
+            f"added in round {place}, but {100.0 * followed.share:.0f} % of what its members have of their own goes "
+            f"with their {_called(study, followed.covariate)}: a law of that explains as much",
+        )
     if study.verdict != "named":
         return (
             "rejected",

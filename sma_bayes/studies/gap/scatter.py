@@ -3,23 +3,39 @@
 Runs or cycles that each have numbers of their own explain whatever differs between them, so a random effect says least
 and is named last. A law of the load, of the cycle, of time, is preferred where it explains at least half as much and
 makes the measurements more likely beside the random effect: then what members have of their own scatters less.
+
+What members have of their own may still go with a setting that was recorded: then a law of it that is not in the
+catalogue explains as much, and the random effect is a description, not a name.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
 
 from sma_bayes.arrays import Floats
-from sma_bayes.effects.scatter import MEMBER
+from sma_bayes.effects.needs import LEAST_RELATIVE_VARIATION
+from sma_bayes.effects.scatter import MEMBER, numbers_of_members
 from sma_bayes.effects.types import Effect
+from sma_bayes.records.history import History
 from sma_bayes.studies.gap.fitting import FittedHypothesis, fit_hypothesis, stacked
 from sma_bayes.studies.gap.flexible import COEFFICIENT_SD_GRID, Term, TermEvidence, gains
 
 LEAST_SHARE_OF_LAW: Final = 0.5
 """Share of the log Bayes factor of a random effect that a law must have to be preferred to it."""
+
+
+NUMBERED_BY: Final = {"condition": "run", "cycle": "cycle_of_all"}
+"""Input that numbers the members of a random effect, by their covariate."""
+LEAST_SHARE_FOLLOWED: Final = 0.9
+"""Share of what members have of their own that a straight line in a setting explains where they follow it."""
+SETTINGS: Final = (
+    "load", "current", "frequency", "duty_cycle", "rate", "ambient_temperature", "temperature", "cycle", "time",
+)  # fmt: skip
+"""What members may follow: of the temperature, its peak; of the others, the median over the member."""
 
 
 def members_of(effect: Effect) -> tuple[str, ...]:
@@ -112,3 +128,77 @@ def holds_beside(law: Effect, beside: FittedHypothesis, alone: FittedHypothesis 
         starts.append(np.concatenate([alone.z[:own], none, alone.z[own:]]))
     fits = (fit_hypothesis(extended, z, beside.noise) for z in starts)
     return any(both.ln_evidence > beside.ln_evidence for both in fits)
+
+
+@dataclass(frozen=True, slots=True)
+class FollowedSetting:
+    """A recorded setting with which goes what members of a random effect have of their own.
+
+    Attributes
+    ----------
+    covariate : str
+        Of `SETTINGS`.
+    share : float
+        What a straight line in it explains of how members differ.
+    """
+
+    covariate: str
+    share: float
+
+
+def followed_setting(fitted: FittedHypothesis, effect: Effect) -> FollowedSetting | None:
+    """The recorded setting that members of a random effect follow; None where they follow none, or for a law.
+
+    How members differ is weighed by how well it is known: a line of each number (offset, shift while heating, shift
+    while cooling) in the setting is fitted to the numbers of all members by generalised least squares, with their
+    covariance about the mode, and compared with their mean.
+
+    Parameters
+    ----------
+    fitted : FittedHypothesis
+        The model with the effect.
+    effect : Effect
+    """
+    members = members_of(effect)
+    if not members:
+        return None
+    hypothesis = fitted.hypothesis
+    at = hypothesis.effect_positions[effect.id]
+    free = hypothesis.space.free_index.tolist()
+    own = [free.index(i) for i in at.tolist()]
+    numbers, jacobian = numbers_of_members(fitted.theta[at])
+    covariance = jacobian @ fitted.covariance[np.ix_(own, own)] @ jacobian.T
+    whitening = np.linalg.inv(np.linalg.cholesky(covariance))
+    settings = _settings(hypothesis.histories, NUMBERED_BY[members[0]])
+    level = np.ones(numbers.size // 3)
+    differ = _left(whitening, numbers, level[:, None])
+    found = [
+        FollowedSetting(name, 1.0 - _left(whitening, numbers, np.column_stack([level, values])) / differ)
+        for name, values in settings.items()
+    ]
+    best = max(found, key=lambda f: f.share, default=None)
+    return best if best is not None and best.share >= LEAST_SHARE_FOLLOWED else None
+
+
+def _left(whitening: Floats, numbers: Floats, columns: Floats) -> float:
+    """Sum of squares that the same columns for each of three numbers of members leave of these."""
+    design = whitening @ np.kron(np.eye(3), columns)
+    target = whitening @ numbers
+    return float(np.sum((target - design @ np.linalg.lstsq(design, target, rcond=None)[0]) ** 2))
+
+
+def _settings(histories: Sequence[History], numbered_by: str) -> dict[str, Floats]:
+    """Settings that differ between members, about their mean and over their scatter."""
+    member = np.concatenate([h.inputs[numbered_by] for h in histories]).astype(np.intp)
+    kelvins = float(np.ptp(np.concatenate([h.inputs["temperature"] for h in histories])))
+    out = {}
+    for name in SETTINGS:
+        if all(name in h.inputs for h in histories):
+            values = np.concatenate([h.inputs[name] for h in histories])
+            values = np.abs(values) if name == "rate" else values
+            of_member = np.max if name == "temperature" else np.median
+            each = np.array([of_member(values[member == i]) for i in range(int(member.max()) + 1)])
+            whole = kelvins if "temperature" in name else float(np.mean(np.abs(each)))
+            if np.ptp(each) > LEAST_RELATIVE_VARIATION * whole:
+                out[name] = (each - each.mean()) / each.std()
+    return out

@@ -157,6 +157,13 @@ class RefittedCandidate(DocumentPart):
     )
 
 
+class FollowedCovariate(DocumentPart):
+    """A recorded setting with which goes what runs or cycles have of their own."""
+
+    covariate: str = Field(description="the setting; of the temperature, its peak")
+    share: Number = Field(description="what a straight line in it explains of how they differ")
+
+
 class AddedEffect(RefittedCandidate):
     """An effect that was added."""
 
@@ -166,6 +173,11 @@ class AddedEffect(RefittedCandidate):
     round: int = Field(description="round in which it was added, from 1")
     class_: Items[str] = Field(
         alias="class", description="effects that these data cannot tell from it, itself first"
+    )
+    follows: FollowedCovariate | None = Field(
+        default=None,
+        description="of a random effect, the recorded setting that its runs or cycles follow, which makes it no name; "
+        "only where they follow one",
     )
     probability: Number = Field(
         description="posterior probability among the effects that could be tested, flexible terms and nothing, when "
@@ -433,7 +445,10 @@ class GapOfModel(DocumentPart):
     effects: Items[AddedEffect] = Field(
         description="in the order in which they were added; empty unless `named`"
     )
-    partial: Items[AddedEffect] = Field(description="effects that were added where no name is given")
+    partial: Items[AddedEffect] = Field(
+        description="effects that were added and are no names: all where no name is given, and random effects "
+        "that follow a recorded setting"
+    )
     readings_as_one: NumberOrNull = Field(
         default=None,
         description="where the final model misses something, and numbers of effects are those of least squares: how "

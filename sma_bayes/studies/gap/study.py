@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
 import numpy as np
@@ -46,7 +46,13 @@ from sma_bayes.studies.gap.name import (
     signature_at_mode,
 )
 from sma_bayes.studies.gap.one_stage import OneStageShapes
-from sma_bayes.studies.gap.scatter import LEAST_SHARE_OF_LAW, holds_beside, members_of
+from sma_bayes.studies.gap.scatter import (
+    LEAST_SHARE_OF_LAW,
+    FollowedSetting,
+    followed_setting,
+    holds_beside,
+    members_of,
+)
 from sma_bayes.studies.gap.schema import StatedPeriodicity, Verdict
 
 SIGNIFICANT_P = 0.02
@@ -136,6 +142,8 @@ class GapStudy:
         Share that the effects carry of what they and the best flexible term on top of them explain; beside a curve that
         is free to have any shape, the same in every cycle and condition, where that share is greater and
         `LEAST_SHARE_BEYOND_SHAPE` of what they explain lies there.
+    followed : mapping of str to FollowedSetting
+        For each random effect among the effects that follows a recorded setting, which. It is no name.
     """
 
     verdict: Verdict
@@ -145,6 +153,7 @@ class GapStudy:
     disagreements: tuple[Disagreement, ...]
     explained: float
     carried: float
+    followed: Mapping[str, FollowedSetting] = field(default_factory=dict)
 
     @property
     def p_value(self) -> float:
@@ -176,6 +185,11 @@ class GapStudy:
     def effects(self) -> tuple[Effect, ...]:
         """Effects that were added and kept, in that order."""
         return self.final.hypothesis.effects
+
+    @property
+    def named(self) -> tuple[Effect, ...]:
+        """Those of them that are names; none without that verdict."""
+        return _names(self.effects, self.followed) if self.verdict == "named" else ()
 
     @property
     def classes(self) -> dict[str, tuple[str, ...]]:
@@ -265,14 +279,20 @@ def study_from(
         explained = current.ln_evidence - bare.ln_evidence
     where = disagreements(first, _covariates(first))
     carried = _carried(steps[-1].look, bare, current, explained)
+    settings = {e.id: followed_setting(current, e) for e in current.hypothesis.effects}
+    followed = {name: f for name, f in settings.items() if f is not None}
     verdict: Verdict = (
         "none"
         if steps[0].look.p_value > SIGNIFICANT_P
         else "named"
-        if carried >= LEAST_SHARE_CARRIED
+        if carried >= LEAST_SHARE_CARRIED and _names(current.hypothesis.effects, followed)
         else "unnamed"
     )
-    return GapStudy(verdict, first, current, tuple(steps), tuple(where), explained, carried)
+    return GapStudy(verdict, first, current, tuple(steps), tuple(where), explained, carried, followed)
+
+
+def _names(effects: Sequence[Effect], followed: Mapping[str, FollowedSetting]) -> tuple[Effect, ...]:
+    return tuple(e for e in effects if e.id not in followed)
 
 
 def one_round(

@@ -165,7 +165,7 @@ def _quantiles(found: IntervalDocument, unit: str) -> Iterator[Number]:
 
 def effect_table(study: StoredStudy) -> Table:
     """Parameters of the effects that were added."""
-    status = "named" if study.part.verdict == "named" else "partial"
+    names = {e.id for e in study.part.effects}
     return table_of(
         "effects",
         "Parameters of the added effects",
@@ -173,7 +173,10 @@ def effect_table(study: StoredStudy) -> Table:
         "range of the prior, which is what the literature gives.",
         [(e, name, p, [*_quantiles(p, p.unit)]) for e in study.effects for name, p in e.parameters.items()],
         (Column("effect", "effect"), lambda e, name, p, q: e.id),
-        (Column("status", "status", brief=False), lambda e, name, p, q: status),
+        (
+            Column("status", "status", brief=False),
+            lambda e, name, p, q: "named" if e.id in names else "partial",
+        ),
         (Column("class", "class", brief=False), lambda e, name, p, q: ", ".join(e.class_)),
         (
             Column("probability", "probability", "1", brief=False),

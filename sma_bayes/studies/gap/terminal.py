@@ -77,7 +77,7 @@ def _show_part(console: Screen, found: GapFindings | HeatingFindings, title: str
             f"{d.side} the model, {covariate_text(found.channels, d.covariate)} "
             f"{_stretch(d)} ({abs(d.size_sigma):.1f} sigma)"
         )
-    console.tell(*(_effect_text(e, partial=found.verdict != "named") for e in found.added))
+    console.tell(*(_effect_text(e, partial=e in found.partial) for e in found.added))
     if found.verdict == "none":
         factors = [c.ln_bayes_factor for c in found.candidates if c.ln_bayes_factor is not None]
         if factors:

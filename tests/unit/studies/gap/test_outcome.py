@@ -275,6 +275,24 @@ def loaded(effect: str, *loads: float) -> dict[str, Any]:
                 "run_offset says how much conditions differ, not why: each has load of its own, and a law of that"
             ],
         ),
+        (
+            {
+                **loaded("run_offset", 1.0, 2.0, 3.0),
+                "verdict": "unnamed",
+                "effects": [],
+                "partial": [
+                    {
+                        **EFFECT,
+                        "id": "run_offset",
+                        "follows": {"covariate": "ambient_temperature", "share": 0.987},
+                    }
+                ],
+                "gap": {"after": 1.9},
+            },
+            [
+                "run_offset is no name: 99 % of what conditions have of their own goes with their ambient temperature"
+            ],
+        ),
         (loaded("run_offset", 1.0, 2.0, 1.0), ["run_offset says how much conditions differ, not why."]),
         (loaded("run_offset", 1.0, 1.0), ["run_offset says how much conditions differ, not why."]),
         (

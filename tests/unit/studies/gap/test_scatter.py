@@ -8,9 +8,11 @@ import numpy as np
 import pytest
 
 from sma_bayes.effects import EFFECTS
+from sma_bayes.effects.scatter import numbers_of_members
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.history import histories
 from sma_bayes.records.types import Campaign
+from sma_bayes.studies.gap import scatter
 from sma_bayes.studies.gap.fitting import fit_held, fit_with_noise, held_at
 from sma_bayes.studies.gap.hypothesis import baseline
 from sma_bayes.studies.gap.name import (
@@ -22,7 +24,7 @@ from sma_bayes.studies.gap.name import (
     screen_all,
     within_range,
 )
-from sma_bayes.studies.gap.scatter import holds_beside, lay_together, members_of
+from sma_bayes.studies.gap.scatter import followed_setting, holds_beside, lay_together, members_of
 from sma_bayes.studies.gap.study import baseline_start, study_campaign
 
 PRIORS = read_priors("modified_sigmoid")
@@ -84,6 +86,63 @@ def test_a_law_that_explains_how_runs_differ_is_preferred(law: str, rig) -> None
     found = study_campaign(rig(shift=2.0).campaign(), PRIORS, pooled=True)
     assert [e.id for e in found.effects] == [law]
     assert "run_offset" not in found.classes[law]
+
+
+def test_runs_that_follow_their_load_are_no_name(rig) -> None:
+    """The law is hidden and not in the catalogue; what the runs have of their own is a straight line in the load."""
+    laws = {k: e for k, e in EFFECTS.items() if "stress" not in k}
+    found = study_campaign(rig(shift=2.0).campaign(), PRIORS, pooled=True, effects=laws)
+    assert [e.id for e in found.effects] == ["run_offset"]
+    assert (found.verdict, found.named) == ("unnamed", ())
+    assert found.followed["run_offset"].covariate == "load"
+    assert found.followed["run_offset"].share > 0.99
+
+
+def test_runs_of_other_loads_that_do_not_follow_them_are_a_name(rig) -> None:
+    loads = (1.0, 1.5, 2.0, 2.5)
+    plain = rig(periods=(60.0,) * 4, loads=loads, peaks=(95.0,) * 4, sd=0.004, seed=2).campaign()
+    off = {"c0": 0.03 * SPAN, "c1": -0.045 * SPAN, "c2": 0.03 * SPAN, "c3": -0.045 * SPAN}
+    found = study_campaign(moved_by(plain, off), PRIORS, pooled=True)
+    assert (found.verdict, [e.id for e in found.named]) == ("named", ["run_offset"])
+    assert not found.followed
+
+
+def test_a_setting_is_followed_by_the_share_that_a_weighted_line_explains(scattered_runs: Campaign) -> None:
+    """Checked with the numbers of each run, weighed by the inverse of their covariance, by normal equations."""
+    fitted = baseline_of(scattered_runs)
+    effect = EFFECTS["run_offset"]
+    screened, _ = screen_all(fitted, [effect])
+    (judged,) = candidates(fitted, screened, [], Rivals.of(fitted))
+    assert judged.fitted is not None
+    found = judged.fitted
+    assert followed_setting(found, effect) is None, "equal settings can't be followed"
+    assert followed_setting(found, EFFECTS["stress_shift"]) is None
+    at = found.hypothesis.effect_positions["run_offset"]
+    numbers, jacobian = numbers_of_members(found.theta[at])
+    step = 1e-6 * np.eye(at.size)
+    moved = [numbers_of_members(_by_logarithms(found.theta[at], row))[0] for row in step]
+    np.testing.assert_allclose(jacobian, (np.stack(moved, axis=1) - numbers[:, None]) / 1e-6, atol=1e-5)
+    load = np.array([1.0, 1.2, 1.5, 2.0])
+    told = [
+        h.of(h.channels, load=np.full(h.n, x)) for h, x in zip(histories(scattered_runs), load, strict=True)
+    ]
+    values = scatter._settings(told, "run")["load"]
+    np.testing.assert_allclose(values, (load - load.mean()) / load.std())
+    cov = jacobian @ found.covariance[np.ix_(at, at)] @ jacobian.T
+    left = []
+    for columns in (np.ones((4, 1)), np.column_stack([np.ones(4), load])):
+        x = np.kron(np.eye(3), columns)
+        weight = np.linalg.inv(cov)
+        best = np.linalg.solve(x.T @ weight @ x, x.T @ weight @ numbers)
+        left.append((numbers - x @ best) @ weight @ (numbers - x @ best))
+    whitening = np.linalg.inv(np.linalg.cholesky(cov))
+    assert scatter._left(whitening, numbers, np.ones((4, 1))) == pytest.approx(left[0], rel=1e-6)
+    own = scatter._left(whitening, numbers, np.column_stack([np.ones(4), values]))
+    assert own == pytest.approx(left[1], rel=1e-6)
+
+
+def _by_logarithms(theta: np.ndarray, step: np.ndarray) -> np.ndarray:
+    return np.concatenate([theta[:2] * np.exp(step[:2]), theta[2:] + step[2:]])
 
 
 def test_screening_lays_all_members_together(scattered_runs: Campaign) -> None:
