@@ -51,7 +51,7 @@ from sma_bayes.sampling.moves import (
     IndependenceMove,
     MultipleProposalMove,
     Sampler,
-    differential_evolution,
+    differential_evolution_of,
 )
 from sma_bayes.sampling.refitting import adapt_to_draws
 from sma_bayes.sampling.weighted import Weights
@@ -192,7 +192,7 @@ ASSESSMENT_GROWTH = 1.2
 """By how much a chain must have grown to be assessed again."""
 MAX_ASSESSED_STEPS = 500
 """Steps of a chain, evenly spaced, by which it is assessed, at most. Where each walker has moved for `MIXED_TIMES`
-autocorrelation times these are 25 steps long and more, and nothing is lost; of all steps of long chains assessing
+autocorrelation times one of these is 25 steps long and more, and nothing is lost; assessing all steps of long chains
 takes several times as long as making them."""
 
 Progress = Callable[[str], None]
@@ -313,8 +313,7 @@ class _Run:
             draws = self._audited_independence("wider", adapted, modes, run_second)
             if draws is not None:
                 return draws
-        seeds_of_groups = groups_seed.spawn(self.plan.groups)
-        return self._explore(adapted, modes, np.random.default_rng(explore_seed), seeds_of_groups)
+        return self._explore(adapted, modes, np.random.default_rng(explore_seed), groups_seed)
 
     def _at_the_modes(
         self, starts: Sequence[Floats] | Sequence[Mode], seed: np.random.SeedSequence
@@ -453,32 +452,30 @@ class _Run:
         adapted: Adapted,
         modes: tuple[Mode, ...],
         rng: np.random.Generator,
-        seeds: Sequence[np.random.SeedSequence],
+        seed: np.random.SeedSequence,
     ) -> Draws:
         """Differential evolution from dispersed starts, then both kinds of move with a proposal fitted to it."""
         plan = self.plan
-        explore_seeds = [s.spawn(3) for s in seeds]
-        mixed_seeds = [s[1] for s in explore_seeds]
+        explore_seed, mixed_seed, tries_seed = seed.spawn(3)
         if self.spent:
-            return self._mixed(adapted, modes, rng, mixed_seeds)
-        evolution = differential_evolution(self.width.size)
-        groups = [
-            _Ensemble(self, f"explore-{g}", adapted, s[0], evolution, plan.explore_block, modes=modes)
-            for g, s in enumerate(explore_seeds)
-        ]
+            return self._mixed(adapted, modes, rng, mixed_seed)
+        evolution = differential_evolution_of(plan.groups, self.width.size)
+        group = _Ensemble(
+            self, "explore", adapted, explore_seed, evolution, plan.explore_block,
+            copies=plan.groups, modes=modes,
+        )  # fmt: skip
         times = SEEN_TIMES if isinstance(self.density, Linearisable) else EXPLORED_TIMES
         enough = Target(EXPLORED_RHAT, times * plan.groups * self.walkers)
-        tries = explore_seeds[0][2].spawn(MAX_EXPLORATION_BLOCKS)
+        tries = tries_seed.spawn(MAX_EXPLORATION_BLOCKS)
         fits: list[Adapted] = []
         for block in range(1, MAX_EXPLORATION_BLOCKS + 1):
             self.tell(f"exploring with differential evolution, block {block}")
-            for group in groups:
-                group.advance()
-            half = groups[0].length // 2
-            z = np.concatenate([g.chain[half:].reshape(-1, self.width.size) for g in groups])
+            group.advance()
+            late = group.chains[:, group.length // 2 :]
+            z = late.reshape(-1, self.width.size)
             if self.spent:
                 break
-            explored = assess(np.concatenate([g.chains[:, half:] for g in groups]), enough).converged
+            explored = assess(late, enough).converged
             if not explored and block < MAX_EXPLORATION_BLOCKS:
                 continue
             fitted = adapt_to_draws(self.density, z, modes, rng)
@@ -494,30 +491,28 @@ class _Run:
             if self.spent or (explored and times == EXPLORED_TIMES):
                 break
         thin = math.ceil(len(z) / 4000)
-        log_prob = np.concatenate([g.log_probs[0, half:].ravel() for g in groups])
+        log_prob = group.log_probs[:, group.length // 2 :].ravel()
         adapted = max([*fits, adapted.judged(z[::thin], log_prob[::thin])], key=lambda a: a.acceptance)
-        return self._mixed(adapted, modes, rng, mixed_seeds, [g.chain[-1] for g in groups])
+        return self._mixed(adapted, modes, rng, mixed_seed, group.chain[-1])
 
     def _mixed(
         self,
         adapted: Adapted,
         modes: tuple[Mode, ...],
         rng: np.random.Generator,
-        seeds: Sequence[np.random.SeedSequence],
-        starts: Sequence[Floats] = (),
+        seed: np.random.SeedSequence,
+        start: Floats | None = None,
     ) -> Draws:
         """Both kinds of move together, from where walkers are, or from starts dispersed about the modes."""
-        accepted = adapted.acceptance if starts else adapted.weights.efficiency
+        accepted = adapted.weights.efficiency if start is None else adapted.acceptance
         share = 0.5 if accepted > 0.1 else 0.1
         adapted = with_wide_share(adapted)  # a walker far out in a tail is to come back
-        groups = [
-            _Ensemble(
-                self, f"mixed-{g}", adapted, seed, differential_evolution(self.width.size), self.plan.explore_block,
-                independence=share, start=starts[g] if starts else None, modes=() if starts else modes,
-            )
-            for g, seed in enumerate(seeds)
-        ]  # fmt: skip
-        return self._until_mixed(groups, modes, MIXED, rng)
+        group = _Ensemble(
+            self, "mixed", adapted, seed, differential_evolution_of(self.plan.groups, self.width.size),
+            self.plan.explore_block, copies=self.plan.groups, independence=share, start=start,
+            modes=modes if start is None else (),
+        )  # fmt: skip
+        return self._until_mixed([group], modes, MIXED, rng)
 
     def _until_mixed(
         self, groups: Sequence[_Ensemble], modes: tuple[Mode, ...], method: str, rng: np.random.Generator

@@ -15,7 +15,13 @@ import pytest
 
 import sma_bayes
 from sma_bayes.sampling.convergence import Target, assess
-from sma_bayes.sampling.moves import IndependenceMove, MultipleProposalMove, differential_evolution
+from sma_bayes.sampling.moves import (
+    DifferentialEvolutionMove,
+    IndependenceMove,
+    MultipleProposalMove,
+    differential_evolution,
+    differential_evolution_of,
+)
 from sma_bayes.sampling.proposals import MixedProposal, PlainCoordinates, Proposal, StudentMixture
 
 WALKERS = 64
@@ -56,8 +62,12 @@ def multiple(make: Callable[[int], Proposal | MixedProposal], steps: int):
     return lambda d: [(MultipleProposalMove(make(d), steps), 1.0)]
 
 
+def side_by_side(d: int):
+    return differential_evolution_of(2, d)
+
+
 def both_kinds(d: int):
-    evolution = [(move, 0.5 * share) for move, share in differential_evolution(d)]
+    evolution = [(move, 0.5 * share) for move, share in side_by_side(d)]
     return [*evolution, (IndependenceMove(good(d), 16), 0.5)]
 
 
@@ -70,6 +80,7 @@ MOVES = {
     "multiple proposals of a mixed kind": (multiple(mixed, 12), 4, 204),
     "one proposal of as many": (multiple(good, 1), 3, 200),
     "differential evolution": (differential_evolution, 7, 300),
+    "differential evolution of two ensembles": (side_by_side, 7, 300),
     "both kinds": (both_kinds, 7, 200),
 }
 
@@ -127,7 +138,7 @@ def test_a_move_never_leaves_the_support() -> None:
     def half(z: np.ndarray) -> np.ndarray:
         return np.where(z[:, 0] > 0.0, gaussian(z), -np.inf)
 
-    for moves in (independence(good), multiple(good, 7), differential_evolution):
+    for moves in (independence(good), multiple(good, 7), differential_evolution, side_by_side):
         random = np.random.RandomState(0)
         start = emcee.State(np.abs(random.standard_normal((WALKERS, 3))), random_state=random.get_state())
         sampler = emcee.EnsembleSampler(WALKERS, 3, half, moves=moves(3), vectorize=True)
@@ -216,3 +227,26 @@ def test_multiple_proposals_give_more_for_as_many_evaluations() -> None:
         return proposal(d, 1.3, 0.2)
 
     assert effective(multiple(fair, 14)) > 1.4 * effective(independence(fair))
+
+
+def test_ensembles_side_by_side_are_evaluated_together_and_know_nothing_of_each_other() -> None:
+    sizes: list[int] = []
+
+    def run(second: np.ndarray) -> np.ndarray:
+        def counted(z: np.ndarray) -> np.ndarray:
+            sizes.append(len(z))
+            return gaussian(z)
+
+        start = emcee.State(
+            np.concatenate([first, second]), random_state=np.random.RandomState(2).get_state()
+        )
+        moves = [(DifferentialEvolutionMove(2, 0.7), 1.0)]
+        sampler = emcee.EnsembleSampler(2 * WALKERS, 3, counted, moves=moves, vectorize=True)
+        sampler.run_mcmc(start, 20)
+        return np.asarray(sampler.get_chain())
+
+    first, second = np.random.RandomState(1).standard_normal((2, WALKERS, 3))
+    near, far = run(second), run(second + 30.0)
+    np.testing.assert_array_equal(near[:, :WALKERS], far[:, :WALKERS])
+    assert not np.array_equal(near[0, :WALKERS], first)
+    assert sizes[1:41] == [WALKERS] * 40  # after the starts
