@@ -812,9 +812,10 @@ def _conditioned(parts: list[Floats], sd: Floats, before: Sequence[_Channel]) ->
 
 def _products(one: Sequence[Floats], other: Sequence[Floats]) -> Floats:
     """Sum of products of arrays, as far as both have them; zero of none."""
-    total: Floats = np.zeros(1)
-    for x, y in zip(one, other, strict=False):
-        total = total + x * y
+    products = (x * y for x, y in zip(one, other, strict=False))
+    total = next(products, np.zeros(1))
+    for product in products:
+        total += product
     return total
 
 
