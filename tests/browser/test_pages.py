@@ -465,6 +465,30 @@ def test_a_table_of_one_row_stays_where_a_figure_after_it_does_not_fit(tmp_path:
     assert linked_pages(out) == [{b"text", b"row"}, {b"figure"}]
 
 
+def test_figures_are_printed_side_by_side_and_one_alone_is_not_smaller(tmp_path: Path) -> None:
+    """Twelve curves of a comparison took six pages, one below the other."""
+    style = (resources.files("sma_bayes.report") / "templates" / "report.css").read_text(encoding="utf-8")
+    source = "data:image/svg+xml,%3Csvg xmlns='http://www.w3.org/2000/svg' width='693' height='473'/%3E"
+    page, out = tmp_path / "page.html", tmp_path / "page.pdf"
+
+    def pages(*groups: int) -> list[set[bytes]]:
+        figures = (
+            f'<figure><div class="scroll"><img src="{source}" width="693" height="473"></div>'
+            f'<figcaption><a href="https://example.org/of-{group}-{n}">of</a></figcaption></figure>'
+            for group, count in enumerate(groups)
+            for n in range(count)
+        )
+        blocks = (
+            f'<div class="printed-pairs">{"".join(next(figures) for _ in range(n))}</div>' for n in groups
+        )
+        page.write_text(f"<!DOCTYPE html><style>{style}</style>{''.join(blocks)}", encoding="utf-8")
+        browser(f"--print-to-pdf={out}", page.as_uri())
+        return linked_pages(out)
+
+    assert [len(p) for p in pages(12)] == [6, 6]
+    assert [len(p) for p in pages(1, 1, 1)] == [2, 1]
+
+
 def test_a_command_is_printed_below_what_introduces_it(tmp_path: Path) -> None:
     """It stood alone on the last page, wherever the page before ended."""
     style = (resources.files("sma_bayes.report") / "templates" / "report.css").read_text(encoding="utf-8")
