@@ -47,7 +47,8 @@ from sma_bayes.parameters.space import ParameterSpace
 from sma_bayes.records.types import Branch, Condition, Record
 from sma_bayes.response import RESPONSE_MODELS, ModifiedSigmoid, ResponseModel
 from sma_bayes.sampling.convergence import Target
-from sma_bayes.sampling.ensembles import Plan, sample
+from sma_bayes.sampling.ensembles import Plan
+from sma_bayes.sampling.factors import sample_by_factors
 
 pytestmark = pytest.mark.slow
 
@@ -59,6 +60,9 @@ SAMPLES = 80
 FALSE_ALARM = 0.01
 """Of the ranks of a case, all quantities together; and of its counts."""
 PLAN = Plan(target=Target(rhat=1.02, ess=500.0), evaluations=150_000)
+SKEWED = ("sinh_arcsinh", "sinh_arcsinh_slopes")
+"""Models whose records have the effort of `fit`: where the transition is hardly seen, skew and tails of the curve have
+a posterior so bent that one record in six takes more than that of `PLAN`, and five of 120 take 0.9 to 3.6 million."""
 BOTH = ("force", "displacement")
 MOST = 12
 """Parameters from which on the channels of a model are not drawn together; they don't share any."""
@@ -79,6 +83,8 @@ class Case:
     model, noise : str
     discrepancy : bool
         Whether a smooth function is drawn beside the curve and fitted.
+    evaluations : int
+        Greatest effort for a record.
     """
 
     channels: tuple[str, ...] = BOTH
@@ -86,6 +92,7 @@ class Case:
     model: str = ModifiedSigmoid.name
     noise: str = "independent"
     discrepancy: bool = False
+    evaluations: int = PLAN.evaluations
 
 
 def channels_of(kind: type[ResponseModel]) -> tuple[str, ...]:
@@ -105,7 +112,8 @@ def cases() -> dict[str, Case]:
     }
     for name, kind in RESPONSE_MODELS.items():
         if name != ModifiedSigmoid.name:
-            found[f"model {name}"] = Case(channels_of(kind), model=name)
+            effort = Plan() if name in SKEWED else PLAN
+            found[f"model {name}"] = Case(channels_of(kind), model=name, evaluations=effort.evaluations)
     noises = [n for n, noise in NOISE_MODELS.items() if noise.is_density and n not in ("independent", "ar1")]
     for name in (*noises, *(f"independent+{suffix}" for suffix in WRAPPERS)):
         found[f"noise {name}"] = Case(noise=name)
@@ -193,7 +201,7 @@ def drawn(prior: Posterior, rng: np.random.Generator) -> tuple[Floats, Record]:
     return z, replace(record, observed={c: y[0] for c, y in series.items()})
 
 
-def fitted(prior: Posterior, record: Record, seed: int) -> Fit:
+def fitted(prior: Posterior, record: Record, seed: int, evaluations: int) -> Fit:
     """Fit of a record under the same priors, sampled as the package does it."""
     posterior = replace(prior, records=(record,))
     first, second = np.random.SeedSequence([seed, *record.key.encode()]).spawn(2)
@@ -203,7 +211,9 @@ def fitted(prior: Posterior, record: Record, seed: int) -> Fit:
     for other in start.optima[1:]:
         starts.append(z.copy())
         starts[-1][: other.size] = other
-    draws = sample(posterior, starts, posterior.space.prior_sd(), second, PLAN)
+    draws = sample_by_factors(
+        posterior, starts, posterior.space.prior_sd(), second, replace(PLAN, evaluations=evaluations)
+    )
     return Fit(posterior, start, posterior.space.constrain(z), draws, None, seed, kept(draws))
 
 
@@ -226,7 +236,7 @@ def outcomes(case: Case, seed: int) -> Outcomes:
     for i, stream in enumerate(np.random.SeedSequence(seed).spawn(case.records)):
         prior = prior_of(case, f"record {i}")
         truth, record = drawn(prior, np.random.default_rng(stream))
-        fit = fitted(prior, record, seed)
+        fit = fitted(prior, record, seed, case.evaluations)
         if not fit.converged:
             found.unconverged.append(i)
         for name, below, identified in zip(
@@ -261,7 +271,7 @@ def found(request: pytest.FixtureRequest) -> Outcomes:
 
 
 def test_fits_converge(found: Outcomes) -> None:
-    """Up to one in twenty may not within the small effort of `PLAN`; the ranks count them like the others."""
+    """Up to one in twenty may not within the effort of the case; the ranks count them like the others."""
     assert len(found.unconverged) <= found.case.records // 20, found.unconverged
 
 
