@@ -70,11 +70,15 @@ def test_its_python_runs(bench: Path, python: Callable[[Path, str], str]) -> Non
 def test_many_more_cycles_than_were_measured_are_remarked(
     bench: Path, command: Callable[..., str], hours: int, remarked: bool
 ) -> None:
-    told = " ".join(command(bench, f"sma-bayes plan results --for parameters --hours {hours}").split())
+    out = f"plan-of-{hours}"
+    call = f"sma-bayes plan results --for parameters --hours {hours} --out {out}"
+    told = " ".join(command(bench, call).split())
     found = re.search(
         r"(\d+) cycles of condition a, after 3 that were measured: .* it may train or tire", told
     )
     assert bool(found) is remarked
+    page = (bench / out / "report.html").read_text(encoding="utf-8")
+    assert ("look with <code>cycles</code> or <code>watch</code>" in page) is remarked
     if found:
         assert int(found[1]) > 10
         few, of_them, all_nats = re.search(
