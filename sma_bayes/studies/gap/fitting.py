@@ -105,6 +105,15 @@ class FittedHypothesis:
         """
         return self.project_out(self.whitened[:, None])[:, 0]
 
+    @cached_property
+    def whole(self) -> Floats:
+        """Whitened residuals (N,) in which heavy tails don't hide how far off readings are, see `BlockNoise.whole`."""
+        out = self.whitened.copy()
+        for block, noise in zip(self.blocks, self.noise, strict=True):
+            if noise.heavy:
+                out[block.at] = noise.whole(self.residual[block.at])
+        return out
+
     def project_out(self, columns: Floats) -> Floats:
         """What is left of whitened series (N, k) once the parameters have adapted to them."""
         return np.asarray(

@@ -3,7 +3,8 @@
 Every flexible term and the signature of every effect is tested, and the greatest of their Bayes factors is compared
 with the greatest that residuals without any pattern give: whitened residuals of the fit, shuffled within each channel
 of each history, with what the parameters absorb taken out. So one p-value pays for all the looking, and heavy tails of
-the noise are in it.
+the noise are in it. Where tails are heavy all is looked for once more in innovations that have their whole size, since
+a misfit of few readings passes for tails.
 """
 
 from __future__ import annotations
@@ -116,30 +117,42 @@ def look(
     """
     found = sorted(gains(fitted, terms_of(fitted)), key=lambda g: -g.ln_bayes_factor)
     sure = bool(found) and found[0].ln_bayes_factor >= SURE_LN_BAYES_FACTOR
-    null = shuffled(fitted, rng, min(shuffles, SHUFFLES_IF_SURE) if sure else shuffles)
+    null, null_whole = shuffled(fitted, rng, min(shuffles, SHUFFLES_IF_SURE) if sure else shuffles)
     # lines and steps, which the others contain, are there to be compared with effects, not to be looked for
     spectra = Spectra(fitted)
     patterns: list[Signature] = [*(g for g in found if g.term.columns.shape[1] > 1), *signatures, spectra]
     greatest = np.max(np.stack([p.of(null) for p in patterns]), axis=0)
-    p, beyond = tail_probability(greatest, max(p.ln_bayes_factor for p in patterns))
+    measured = max(p.ln_bayes_factor for p in patterns)
+    if null_whole is not null:
+        greatest = np.maximum(greatest, np.max(np.stack([p.of(null_whole) for p in patterns]), axis=0))
+        measured = max(measured, *(float(p.of(fitted.whole[:, None])[0]) for p in patterns))
+    p, beyond = tail_probability(greatest, measured)
     stands_out = spectra.ln_bayes_factor > found[0].ln_bayes_factor
     return DisagreementTest(found, p, beyond, spectra.lines() if stands_out else ())
 
 
-def shuffled(fitted: FittedHypothesis, rng: np.random.Generator, count: int) -> Floats:
-    """Whitened residuals (N, count) as they would be by chance.
+def shuffled(fitted: FittedHypothesis, rng: np.random.Generator, count: int) -> tuple[Floats, Floats]:
+    """Whitened residuals as they would be by chance, as they count and in their whole size.
 
     Those of each block in random order, with random signs since their sum would else be the same each time. They get
     the memory and size of a noise that is as likely as the data let it be, and are whitened with the estimated one.
+
+    Returns
+    -------
+    counted, whole : ndarray, shape (N, count)
+        The same array where no noise has heavy tails.
     """
-    out = np.empty((fitted.whitened.size, count))
+    counted = np.empty((fitted.whitened.size, count))
+    heavy = any(noise.heavy for noise in fitted.noise)
+    whole = np.empty_like(counted) if heavy else counted
     for block, noise in zip(fitted.blocks, fitted.noise, strict=True):
         own = fitted.whitened[block.at]
-        own = own / (np.sqrt(np.mean(own**2)) or 1.0)
-        new = rng.permuted(np.tile(own[:, None], (1, count)), axis=0)
-        new *= rng.choice([-1.0, 1.0], size=new.shape)
-        out[block.at] = noise.whiten(noise.as_likely(new, rng).T).T
-    return out
+        order = rng.permuted(np.tile(np.arange(own.size)[:, None], (1, count)), axis=0)
+        sign = rng.choice([-1.0, 1.0], size=order.shape)
+        for series, out in ((own, counted), *([(fitted.whole[block.at], whole)] if heavy else [])):
+            new = (series / (np.sqrt(np.mean(series**2)) or 1.0))[order] * sign
+            out[block.at] = noise.whiten(noise.as_likely(new, rng).T).T
+    return counted, whole
 
 
 def tail_probability(null: Floats, value: float) -> tuple[float, bool]:
@@ -206,7 +219,7 @@ def _stretches(
     columns[block.at] = np.stack(inside, axis=1)
     whitened = fitted.whiten(columns.T).T
     information = whitened.T @ fitted.project_out(whitened)
-    b = whitened.T @ fitted.left
+    b = whitened.T @ fitted.project_out(fitted.whole[:, None])[:, 0]
     out = []
     for direction in (1.0, -1.0):
         best: tuple[float, int, int] | None = None

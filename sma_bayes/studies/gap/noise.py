@@ -22,7 +22,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 from scipy.linalg import solve_banded
-from scipy.special import logsumexp
+from scipy.special import logsumexp, ndtri
 
 from sma_bayes.arrays import Floats
 from sma_bayes.noise.ar1 import memory_innovations, memory_log_scale, memory_series
@@ -142,6 +142,8 @@ class BlockNoise:
         heavy tails is a misfit.
     excess : ndarray, shape (n,), or float
         What heavy tails leave out of account of each residual [unit of the channel]; see `HeavyTails`.
+    tails : ndarray, shape (n,), or float
+        What of `scale` stands for heavy tails that may be a misfit.
     others : tuple of (float, BlockNoise)
         What it may be by chance, with probabilities from the restricted likelihood that add up to 1; itself included
         unless it remembers for too long, see `ChannelBlock.possible`.
@@ -155,6 +157,7 @@ class BlockNoise:
     others: tuple[tuple[float, BlockNoise], ...] = ()
     switching: Scatter | None = None
     excess: Floats | float = 0.0
+    tails: Floats | float = 1.0
 
     def whiten(self, x: Floats) -> Floats:
         """Series (..., n) as innovations of unit variance."""
@@ -164,6 +167,25 @@ class BlockNoise:
     def whiten_residual(self, residual: Floats) -> Floats:
         """Residuals (..., n) of a model as innovations of unit variance, without their excess."""
         return self.whiten(residual - self.excess)
+
+    @property
+    def heavy(self) -> bool:
+        """Whether it has heavy tails."""
+        return bool(np.any(self.excess) or np.any(np.asarray(self.tails) != 1.0))
+
+    def whole(self, residual: Floats) -> Floats:
+        """Residuals (n,) of a model as innovations whose size says how far off each is, however heavy the tails.
+
+        What counts of an innovation in heavy tails falls again with its size, so that a misfit of few readings counts
+        the less the greater it is. Of the size of these only the rank is taken: as a normal deviate, whose sign is that
+        of the innovation [1]_.
+
+        References
+        ----------
+        .. [1] Normal scores: B. L. van der Waerden, Indag. Math. 14 (1952) 453.
+        """
+        u = self.whiten(residual) * self.tails
+        return np.asarray(np.sign(u) * ndtri(0.5 + 0.5 * stats.rankdata(np.abs(u)) / (u.size + 1.0)))
 
     def as_likely(self, innovations: Floats, rng: np.random.Generator) -> Floats:
         """Series (n, count) from innovations of unit variance, each with one of `others` drawn for it."""
@@ -199,6 +221,7 @@ class BlockNoise:
             np.where(together, self.memory[kept], 0.0),
             _on(self.scale, kept),
             excess=_on(self.excess, kept),
+            tails=_on(self.tails, kept),
         )
         if self.switching is None:
             return some
@@ -529,7 +552,7 @@ def block_noise(
     u = innovations / width
     # in noise that comes and goes, or a misfit that passes for tails, readings would be moved by what is no noise
     if _remembers_size(u):
-        return noise
+        return replace(noise, tails=tails.scale)
     return _without_excess(noise, u - tails.counted(u), width, tails.information)
 
 
