@@ -72,7 +72,12 @@ def _about_scatter(found: GapOfModel) -> Iterator[str]:
     """Random effects: they say how much runs or cycles differ, and not why."""
     for e in found.added:
         members = members_of(EFFECTS[e.id]) if e.id in EFFECTS else ()
-        if e.follows is not None:
+        if e.follows is not None and e.follows.member is not None:
+            yield (
+                f"{e.id} is no name: {100.0 * e.follows.share:.0f} % of how {members[0]}s differ is "
+                f"{e.follows.member} alone, where something happened; the others are alike."
+            )
+        elif e.follows is not None:
             yield (
                 f"{e.id} is no name: {100.0 * e.follows.share:.0f} % of what {members[0]}s have of their own goes with "
                 f"their {covariate_text(found.channels, e.follows.covariate)}, so a law of that which is not in the "

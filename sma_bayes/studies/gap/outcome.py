@@ -335,6 +335,12 @@ def _judgement_of_added(study: GapStudy, candidate: Candidate) -> tuple[Status, 
     if all(e.id != candidate.effect.id for e in study.effects):
         return "rejected", f"added in round {place}, and made needless by what was added later"
     followed = study.followed.get(candidate.effect.id)
+    if followed is not None and followed.member is not None:
+        return (
+            "rejected",
+            f"added in round {place}, but {100.0 * followed.share:.0f} % of how its members differ is "
+            f"{followed.member} alone: something happened there, and the others are alike",
+        )
     if followed is not None:
         return (
             "rejected",

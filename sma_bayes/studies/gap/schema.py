@@ -158,10 +158,15 @@ class RefittedCandidate(DocumentPart):
 
 
 class FollowedCovariate(DocumentPart):
-    """A recorded setting with which goes what runs or cycles have of their own."""
+    """A recorded setting with which goes what runs or cycles have of their own, or the one that differs."""
 
-    covariate: str = Field(description="the setting; of the temperature, its peak")
-    share: Number = Field(description="what a straight line in it explains of how they differ")
+    covariate: str = Field(
+        description="the setting; of the temperature, its peak; `condition` or `cycle` where one of these differs"
+    )
+    share: Number = Field(description="what a straight line in it, or that one, explains of how they differ")
+    member: str | None = Field(
+        description="the one that differs from all others; null where a setting is followed"
+    )
 
 
 class AddedEffect(RefittedCandidate):
@@ -176,8 +181,8 @@ class AddedEffect(RefittedCandidate):
     )
     follows: FollowedCovariate | None = Field(
         default=None,
-        description="of a random effect, the recorded setting that its runs or cycles follow, which makes it no name; "
-        "only where they follow one",
+        description="of a random effect, the recorded setting that its runs or cycles follow, or the one of them that "
+        "differs, which makes it no name; only where there is one",
     )
     probability: Number = Field(
         description="posterior probability among the effects that could be tested, flexible terms and nothing, when "

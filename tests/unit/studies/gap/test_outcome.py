@@ -284,7 +284,7 @@ def loaded(effect: str, *loads: float) -> dict[str, Any]:
                     {
                         **EFFECT,
                         "id": "run_offset",
-                        "follows": {"covariate": "ambient_temperature", "share": 0.987},
+                        "follows": {"covariate": "ambient_temperature", "share": 0.987, "member": None},
                     }
                 ],
                 "gap": {"after": 1.9},
@@ -292,6 +292,22 @@ def loaded(effect: str, *loads: float) -> dict[str, Any]:
             [
                 "run_offset is no name: 99 % of what conditions have of their own goes with their ambient temperature"
             ],
+        ),
+        (
+            {
+                **loaded("cycle_offset", 1.0),
+                "verdict": "unnamed",
+                "effects": [],
+                "partial": [
+                    {
+                        **EFFECT,
+                        "id": "cycle_offset",
+                        "follows": {"covariate": "cycle", "share": 0.96, "member": "cycle 4 of 2A"},
+                    }
+                ],
+                "gap": {"after": 1.9},
+            },
+            ["cycle_offset is no name: 96 % of how cycles differ is cycle 4 of 2A alone"],
         ),
         (loaded("run_offset", 1.0, 2.0, 1.0), ["run_offset says how much conditions differ, not why."]),
         (loaded("run_offset", 1.0, 1.0), ["run_offset says how much conditions differ, not why."]),

@@ -98,6 +98,15 @@ def test_runs_that_follow_their_load_are_no_name(rig) -> None:
     assert found.followed["run_offset"].share > 0.99
 
 
+def test_one_cycle_that_differs_is_told_as_one(rig) -> None:
+    plain = rig(cycles=6, samples=30, periods=(60.0,), loads=(1.0,), peaks=(95.0,), seed=5).campaign()
+    off = dict.fromkeys("123456", 0.0) | {"4": 0.06 * SPAN}
+    found = study_campaign(moved_by(plain, off, by_cycle=True), PRIORS, pooled=False)
+    assert [e.id for e in found.effects] == ["cycle_offset"]
+    assert (found.verdict, found.named) == ("unnamed", ())
+    assert found.followed["cycle_offset"].member == "cycle 4 of c0"
+
+
 def test_runs_of_other_loads_that_do_not_follow_them_are_a_name(rig) -> None:
     loads = (1.0, 1.5, 2.0, 2.5)
     plain = rig(periods=(60.0,) * 4, loads=loads, peaks=(95.0,) * 4, sd=0.004, seed=2).campaign()
