@@ -174,10 +174,14 @@ def followed_setting(fitted: FittedHypothesis, effect: Effect) -> FollowedSettin
     free = hypothesis.space.free_index.tolist()
     own = [free.index(i) for i in at.tolist()]
     numbers, jacobian = numbers_of_members(fitted.theta[at])
+    labels = _labels(hypothesis.histories, NUMBERED_BY[members[0]])
+    there = list(labels)  # a part of the measurements may lack some
+    kept = (np.arange(3)[:, None] * (numbers.size // 3) + np.array(there)).ravel()
+    numbers, jacobian = numbers[kept], jacobian[kept]
     covariance = jacobian @ fitted.covariance[np.ix_(own, own)] @ jacobian.T
     whitening = np.linalg.inv(np.linalg.cholesky(covariance))
-    settings = _settings(hypothesis.histories, NUMBERED_BY[members[0]])
-    level = np.ones(numbers.size // 3)
+    settings = _settings(hypothesis.histories, NUMBERED_BY[members[0]], there)
+    level = np.ones(len(there))
     differ = _left(whitening, numbers, level[:, None])
 
     def share(values: Floats) -> float:
@@ -185,10 +189,9 @@ def followed_setting(fitted: FittedHypothesis, effect: Effect) -> FollowedSettin
 
     found = [FollowedSetting(name, share(values)) for name, values in settings.items()]
     if level.size >= LEAST_MEMBERS_FOR_ONE:
-        labels = _labels(hypothesis.histories, NUMBERED_BY[members[0]])
         found += [
             FollowedSetting(members[0], share(one), label)
-            for label, one in zip(labels, np.eye(level.size), strict=True)
+            for label, one in zip(labels.values(), np.eye(level.size), strict=True)
         ]
     best = max(found, key=lambda f: f.share, default=None)
     return best if best is not None and best.share >= LEAST_SHARE_FOLLOWED else None
@@ -201,17 +204,17 @@ def _left(whitening: Floats, numbers: Floats, columns: Floats) -> float:
     return float(np.sum((target - design @ np.linalg.lstsq(design, target, rcond=None)[0]) ** 2))
 
 
-def _labels(histories: Sequence[History], numbered_by: str) -> list[str]:
-    """What each member is called: by its condition, and by its cycle where it is one."""
+def _labels(histories: Sequence[History], numbered_by: str) -> dict[int, str]:
+    """What each member is called, by its number: by its condition, and by its cycle where it is one."""
     out = {}
     for h in histories:
-        for number, cycle in zip(h.inputs[numbered_by].tolist(), h.inputs["cycle"].tolist(), strict=True):
+        for number, cycle in zip(h.inputs[numbered_by].astype(int), h.inputs["cycle"], strict=True):
             cycle_text = f"cycle {cycle:g} of " if numbered_by == NUMBERED_BY["cycle"] else ""
-            out[number] = f"{cycle_text}{h.condition.id}"
-    return [out[number] for number in sorted(out)]
+            out[int(number)] = f"{cycle_text}{h.condition.id}"
+    return dict(sorted(out.items()))
 
 
-def _settings(histories: Sequence[History], numbered_by: str) -> dict[str, Floats]:
+def _settings(histories: Sequence[History], numbered_by: str, members: Sequence[int]) -> dict[str, Floats]:
     """Settings that differ between members, about their mean and over their scatter."""
     member = np.concatenate([h.inputs[numbered_by] for h in histories]).astype(np.intp)
     kelvins = float(np.ptp(np.concatenate([h.inputs["temperature"] for h in histories])))
@@ -221,7 +224,7 @@ def _settings(histories: Sequence[History], numbered_by: str) -> dict[str, Float
             values = np.concatenate([h.inputs[name] for h in histories])
             values = np.abs(values) if name == "rate" else values
             of_member = np.max if name == "temperature" else np.median
-            each = np.array([of_member(values[member == i]) for i in range(int(member.max()) + 1)])
+            each = np.array([of_member(values[member == i]) for i in members])
             whole = kelvins if "temperature" in name else float(np.mean(np.abs(each)))
             if np.ptp(each) > LEAST_RELATIVE_VARIATION * whole:
                 out[name] = (each - each.mean()) / each.std()

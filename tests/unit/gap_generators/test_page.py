@@ -72,6 +72,12 @@ def test_a_bent_curve_beside_a_name_may_be_told_as_a_shape(
     named: str, only_shape: bool, beside: str, outcome: str
 ) -> None:
     steps = [SimpleNamespace(only_shape=only_shape)]
-    study: Any = SimpleNamespace(verdict="named", steps=steps, classes={named: (named,)}, effects=())
+    study: Any = SimpleNamespace(
+        verdict="named",
+        steps=steps,
+        classes={named: (named,)},
+        effects=(),
+        named=(SimpleNamespace(id=named),),
+    )
     assert outcome_of(study, ["asymmetric_kinetics", beside]) == outcome
     assert outcome_of(study, [beside, "bias_spring"]) == ("confident" if named != beside else "part")

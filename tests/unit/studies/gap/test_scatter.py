@@ -107,6 +107,22 @@ def test_one_cycle_that_differs_is_told_as_one(rig) -> None:
     assert found.followed["cycle_offset"].member == "cycle 4 of c0"
 
 
+def test_a_part_of_the_measurements_may_lack_members(rig) -> None:
+    """Folds leave cycles out, and what these have of their own is then known by its prior alone."""
+    plain = rig(cycles=7, samples=30, periods=(60.0,), loads=(1.0,), peaks=(95.0,), seed=5).campaign()
+    off = dict.fromkeys("1234567", 0.0) | {"4": 0.06 * SPAN}
+    whole = baseline_of(moved_by(plain, off, by_cycle=True))
+    kept = tuple(h.part(h.inputs["cycle"] != 6.0) for h in whole.hypothesis.histories)
+    fitted = fit_with_noise(replace(whole.hypothesis, histories=kept), whole.z)
+    effect = EFFECTS["cycle_offset"]
+    screened, _ = screen_all(fitted, [effect])
+    (judged,) = candidates(fitted, screened, [], Rivals.of(fitted))
+    assert judged.fitted is not None
+    found = followed_setting(judged.fitted, effect)
+    assert found is not None
+    assert found.member == "cycle 4 of c0"
+
+
 def test_runs_of_other_loads_that_do_not_follow_them_are_a_name(rig) -> None:
     loads = (1.0, 1.5, 2.0, 2.5)
     plain = rig(periods=(60.0,) * 4, loads=loads, peaks=(95.0,) * 4, sd=0.004, seed=2).campaign()
@@ -135,7 +151,7 @@ def test_a_setting_is_followed_by_the_share_that_a_weighted_line_explains(scatte
     told = [
         h.of(h.channels, load=np.full(h.n, x)) for h, x in zip(histories(scattered_runs), load, strict=True)
     ]
-    values = scatter._settings(told, "run")["load"]
+    values = scatter._settings(told, "run", range(4))["load"]
     np.testing.assert_allclose(values, (load - load.mean()) / load.std())
     cov = jacobian @ found.covariance[np.ix_(at, at)] @ jacobian.T
     left = []
