@@ -32,6 +32,8 @@ NUMBERED_BY: Final = {"condition": "run", "cycle": "cycle_of_all"}
 """Input that numbers the members of a random effect, by their covariate."""
 LEAST_SHARE_FOLLOWED: Final = 0.9
 """Share of how members differ that a straight line in a setting explains where they follow it, or one of them alone."""
+LEAST_MEMBERS_FOR_LINE: Final = 3
+"""Members from which on a straight line says something."""
 LEAST_MEMBERS_FOR_ONE: Final = 5
 """Members from which on one of them can be told from scatter: of five that scatter, one holds 90 % in 7 % of cases."""
 SETTINGS: Final = (
@@ -154,7 +156,7 @@ class FollowedSetting:
 def followed_setting(fitted: FittedHypothesis, effect: Effect) -> FollowedSetting | None:
     """The recorded setting that members of a random effect follow, or the one of them that differs from the others.
 
-    None where there is neither, and for a law.
+    None where there is neither, for a law, and with fewer than three members, which are always on a line.
 
     How members differ is weighed by how well it is known: a line of each number (offset, shift while heating, shift
     while cooling) in the setting is fitted to the numbers of all members by generalised least squares, with their
@@ -176,6 +178,8 @@ def followed_setting(fitted: FittedHypothesis, effect: Effect) -> FollowedSettin
     numbers, jacobian = numbers_of_members(fitted.theta[at])
     labels = _labels(hypothesis.histories, NUMBERED_BY[members[0]])
     there = list(labels)  # a part of the measurements may lack some
+    if len(there) < LEAST_MEMBERS_FOR_LINE:
+        return None
     kept = (np.arange(3)[:, None] * (numbers.size // 3) + np.array(there)).ravel()
     numbers, jacobian = numbers[kept], jacobian[kept]
     covariance = jacobian @ fitted.covariance[np.ix_(own, own)] @ jacobian.T
@@ -208,7 +212,8 @@ def _labels(histories: Sequence[History], numbered_by: str) -> dict[int, str]:
     """What each member is called, by its number: by its condition, and by its cycle where it is one."""
     out = {}
     for h in histories:
-        for number, cycle in zip(h.inputs[numbered_by].astype(int), h.inputs["cycle"], strict=True):
+        numbers, first = np.unique(h.inputs[numbered_by], return_index=True)
+        for number, cycle in zip(numbers.tolist(), h.inputs["cycle"][first].tolist(), strict=True):
             cycle_text = f"cycle {cycle:g} of " if numbered_by == NUMBERED_BY["cycle"] else ""
             out[int(number)] = f"{cycle_text}{h.condition.id}"
     return dict(sorted(out.items()))

@@ -121,6 +121,9 @@ def test_a_part_of_the_measurements_may_lack_members(rig) -> None:
     found = followed_setting(judged.fitted, effect)
     assert found is not None
     assert found.member == "cycle 4 of c0"
+    two = tuple(h.part(np.isin(h.inputs["cycle"], [4.0, 5.0])) for h in kept)
+    hypothesis = replace(judged.fitted.hypothesis, histories=two)
+    assert followed_setting(fit_with_noise(hypothesis, judged.fitted.z), effect) is None
 
 
 def test_runs_of_other_loads_that_do_not_follow_them_are_a_name(rig) -> None:
