@@ -28,7 +28,9 @@ from sma_bayes.normal import MAD_TO_SD
 from sma_bayes.quantities import CHANNELS
 from sma_bayes.records.cleaning import MAX_SHARE_MISSING
 from sma_bayes.records.ledger import Ledger
+from sma_bayes.records.quality import CHANNEL_WINDOW, spikes
 from sma_bayes.records.run import Run
+from sma_bayes.records.segmentation import Mask
 from sma_bayes.records.types import Branch, HeldChannel
 
 SWEEP_BINS: Final = 40
@@ -128,11 +130,26 @@ def course(temperature: Floats, values: Floats) -> Course:
     return Course(1.0 - left[0] / total, 1.0 - left[1] / total, float(best[-1] - best[0]), low, high)
 
 
+def _spiked(run: Run, channel: str) -> Mask:
+    """Rows in which a channel jumps away from its neighbours and back: one of them would outweigh a whole sweep."""
+    there = np.flatnonzero(np.isfinite(run.columns[channel]) & np.isfinite(run.columns["temperature"]))
+    spiked = np.zeros(run.n, dtype=bool)
+    spiked[there] = spikes(
+        run.columns[channel][there], CHANNEL_WINDOW, against=run.columns["temperature"][there]
+    )
+    return spiked
+
+
+def _steady(run: Run, channel: str) -> Mask:
+    """Rows in which a channel has a value that is no spike."""
+    return np.isfinite(run.columns[channel]) & ~_spiked(run, channel)
+
+
 def courses(run: Run, legs: Sequence[Leg], channel: str) -> dict[Branch, Course]:
     """How a channel follows the temperature on each branch.
 
     The first tenth of the first sweep and the last tenth of the last are left out: there the load may still
-    be coming on, or be off already.
+    be coming on, or be off already. So are spikes.
 
     Returns
     -------
@@ -143,10 +160,10 @@ def courses(run: Run, legs: Sequence[Leg], channel: str) -> dict[Branch, Course]
     if inner:
         inner[0] = _without(inner[0], head=inner[0].rows.size // 10)
         inner[-1] = _without(inner[-1], tail=legs[-1].rows.size // 10)
-    found = {}
+    found, steady = {}, _steady(run, channel)
     for branch in Branch:
         rows = rows_of(inner, branch)
-        rows = rows[np.isfinite(run.columns[channel][rows])]
+        rows = rows[steady[rows]]
         if rows.size >= 4:
             found[branch] = course(run.columns["temperature"][rows], run.columns[channel][rows])
     return found
@@ -198,7 +215,7 @@ def choose_channels(
             )
             ledger.note(rows[:0], "sparse-channel", message, column=channel)
     along = {c: courses(run, legs, c) for c in filled}
-    mean = {c: float(np.nanmean(run.columns[c][rows])) for c in filled}
+    mean = {c: float(run.columns[c][rows[_steady(run, c)[rows]]].mean()) for c in filled}
     fitted = tuple(c for c in filled if responds(c, along[c], mean[c], min_change))
     if fitted or not filled:
         return fitted
@@ -240,8 +257,12 @@ def note_held(ledger: Ledger, legs: Sequence[Leg], channel: str, *, told: bool, 
     """
     run, rows = ledger.run, rows_of(legs)
     name = ledger.quantity(channel)
-    mean = float(np.nanmean(run.columns[channel][rows]))
+    mean = float(run.columns[channel][rows[_steady(run, channel)[rows]]].mean())
     along = courses(run, legs, channel)
+    spike = rows[_spiked(run, channel)[rows]]
+    if spike.size:
+        message = f"{name} jumps away from its neighbours and back; these readings are left out of its mean"
+        ledger.note(spike, "spike", message, column=channel)
     if not along:
         return
     low, high = min(c.low for c in along.values()), max(c.high for c in along.values())
@@ -268,7 +289,7 @@ def note_held(ledger: Ledger, legs: Sequence[Leg], channel: str, *, told: bool, 
 
 
 def held_channels(run: Run, rows: Ints, fitted: Sequence[str]) -> dict[str, HeldChannel]:
-    """Mean and standard deviation of the channels that are not fitted.
+    """Mean and standard deviation of the channels that are not fitted, without spikes.
 
     Parameters
     ----------
@@ -285,8 +306,7 @@ def held_channels(run: Run, rows: Ints, fitted: Sequence[str]) -> dict[str, Held
     held = {}
     for channel in CHANNELS:
         if channel in run.columns and channel not in fitted:
-            values = run.columns[channel][rows]
-            values = values[np.isfinite(values)]
+            values = run.columns[channel][rows[_steady(run, channel)[rows]]]
             if values.size and values.size >= MAX_SHARE_MISSING * rows.size:
                 held[channel] = HeldChannel(float(values.mean()), float(values.std()))
     return held

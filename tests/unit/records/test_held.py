@@ -5,7 +5,18 @@ from __future__ import annotations
 import numpy as np
 import pytest
 
-from sma_bayes.records.held import Course, Leg, choose_channels, course, courses, keep_out_load_off, responds
+from sma_bayes.records.held import (
+    Course,
+    Leg,
+    choose_channels,
+    course,
+    courses,
+    held_channels,
+    keep_out_load_off,
+    note_held,
+    responds,
+    rows_of,
+)
 from sma_bayes.records.ledger import Ledger
 from sma_bayes.records.run import Run
 from sma_bayes.records.types import Branch, Condition
@@ -114,6 +125,22 @@ def test_noise_of_a_load_is_no_load_off() -> None:
     book = ledger(force=50.0 + 4.0 * NOISE, displacement=X)
     keep_out_load_off(book, LEGS)
     assert book.kept.all()
+
+
+@pytest.mark.parametrize("overflow", [30.0, 9999.0, 9.9e8])
+def test_one_reading_far_out_neither_hides_a_response_nor_moves_the_mean_of_a_held_load(
+    overflow: float,
+) -> None:
+    answers, load = 3.0 - 50.0 * X + 0.01 * NOISE, 50.0 + 0.1 * NOISE
+    answers[150], load[150] = 3.0 + overflow, 50.0 + 50.0 * overflow
+    assert chosen(force=answers, displacement=X) == ("force", "displacement")
+    book = ledger(force=load, displacement=X)
+    assert choose_channels(book, LEGS, None, 0.05) == ("displacement",)
+    assert held_channels(book.run, rows_of(LEGS), ("displacement",))["force"].mean == pytest.approx(
+        50.0, abs=0.05
+    )
+    note_held(book, LEGS, "force", told=False, min_change=0.05)
+    assert [(f.kind, f.rows) for f in book.findings] == [("spike", (151,)), ("constant-load", ())]
 
 
 def test_courses_leave_out_where_the_load_comes_on() -> None:
