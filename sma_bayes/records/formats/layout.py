@@ -35,6 +35,10 @@ _PLAIN_UNITS = frozenset({
 """Units that a line below the names states without brackets."""
 
 
+_CLOCK_FORMAT = re.compile(r"(?:[dmyhst]{1,4}[-./: ]+)+[dmyhs]{1,4}(?:[.,][0fxs]+)?", re.IGNORECASE)
+"""How a clock is written, where a unit would stand: ``dd.mm.yyyy hh:mm:ss``."""
+
+
 @dataclass(frozen=True, slots=True)
 class RowShape:
     """What a row of data looks like.
@@ -176,18 +180,22 @@ def _is_number(cell: object, reading: Reading) -> bool:
 
 
 def _is_units(cells: Sequence[object]) -> bool:
-    """Whether each filled cell is a known unit or stands in brackets, as in a line of units below the names."""
+    """Whether each filled cell is a known unit, how a clock is written, or stands in brackets."""
     filled = [cell for cell in cells if not is_blank(cell)]
-    return bool(filled) and all(
-        isinstance(cell, str) and (_UNIT.fullmatch(cell) or cell.strip() in _PLAIN_UNITS) for cell in filled
-    )
+    return bool(filled) and all(isinstance(cell, str) and _is_unit(cell) for cell in filled)
+
+
+def _is_unit(cell: str) -> bool:
+    text = cell.strip()
+    return bool(_UNIT.fullmatch(text) or text in _PLAIN_UNITS or _CLOCK_FORMAT.fullmatch(text))
 
 
 def _unit(cell: object) -> str:
-    """Unit in a cell of a line of units, without brackets."""
+    """Unit in a cell of a line of units, without brackets; a clock has none."""
     text = "" if is_blank(cell) else str(cell).strip()
     bracketed = _UNIT.fullmatch(text)
-    return bracketed[1] if bracketed else text
+    unit = bracketed[1] if bracketed else text
+    return "" if _CLOCK_FORMAT.fullmatch(unit) else unit
 
 
 def _header(

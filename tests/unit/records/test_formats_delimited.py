@@ -172,6 +172,12 @@ def test_a_line_of_units_below_the_names_is_read_and_said(tmp_path: Path, units:
         assert [(f.kind, f.rows) for f in table.findings] == [("units", (2,))]
 
 
+@pytest.mark.parametrize("clock", ["dd.mm.yyyy hh:mm:ss", "(hh:mm:ss.000)", "YYYY-MM-DD HH:MM:SS", "HH:MM"])
+def test_how_a_clock_is_written_is_no_unit_of_it(tmp_path: Path, clock: str) -> None:
+    path = write(tmp_path, f"Spring 7,\nZeit,Kraft\n{clock},N\n10:00:01,2.5\n10:00:02,4.5\n")
+    assert read_table(path, Reading()).headers == ("Zeit", "Kraft [N]")
+
+
 def test_names_that_are_no_units_below_a_title_stay_names(tmp_path: Path) -> None:
     path = write(tmp_path, "Sample,NiTi 3\nT,F\n1,2\n3,4\n")
     assert read_table(path, Reading()).names == ("T", "F")
