@@ -21,6 +21,18 @@ meanwhile [byte]. Worth more than it costs, because HDF5 may bring the process d
 NEEDED = "room and permission"
 
 
+def quoted(path: str | Path) -> str:
+    """Path as an argument of a command that is shown, to be copied to a shell.
+
+    Examples
+    --------
+    >>> print(quoted("bench/2A.csv"), quoted("bench rig (new)"))
+    bench/2A.csv "bench rig (new)"
+    """
+    text = str(path)
+    return text if re.fullmatch(r"[\w@%+=:,./~\\-]+", text) else f'"{text}"'
+
+
 @contextmanager
 def writing(path: Path, *, nbytes: int = 0) -> Iterator[None]:
     """Turn every failure to write a file into one `OutputError`.

@@ -19,6 +19,7 @@ from pydantic import (
     model_validator,
 )
 
+from sma_bayes.disk import quoted
 from sma_bayes.errors import CampaignError, SmaBayesError, first_of, many, near_matches, require_known
 from sma_bayes.limits import DEGREES, ID_BYTES, ID_CHARACTERS, MAGNITUDE, SETTING
 from sma_bayes.quantities import CHANNELS, QUANTITIES, SPECIMEN_QUANTITY, STANDARD_GRAVITY
@@ -505,7 +506,7 @@ def _campaign_in(folder: Path) -> Path:
         remedy = f"there is one in {str(folder / below[0])!r}: name that folder"
     elif there:
         remedy = (
-            f"`sma-bayes init {folder}` writes one; or name a single data file with default column names; "
+            f"`sma-bayes init {quoted(folder)}` writes one; or name a single data file with default column names; "
             f"the folder holds {first_of(there, FILES_SHOWN)}"
         )
     else:

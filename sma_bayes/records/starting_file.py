@@ -12,7 +12,7 @@ from typing import Any, Final
 import numpy as np
 
 from sma_bayes.arrays import Floats
-from sma_bayes.disk import writing
+from sma_bayes.disk import quoted, writing
 from sma_bayes.errors import CampaignError, MeasurementError, OutputError, SmaBayesError, first_of, many
 from sma_bayes.records.clock import is_clock
 from sma_bayes.records.declaration import (
@@ -332,7 +332,7 @@ class _Writer:
             "# Campaign file for the measurements beside it. What is marked GUESS comes from names and numbers: check",
             "# it, correct it, and remove the mark. Then see what is read:",
             "#",
-            f"#   sma-bayes inspect {self.folder}",
+            f"#   sma-bayes inspect {quoted(self.folder)}",
             "",
             "[campaign]",
             f"name = {_quoted(self.folder.resolve().name or 'campaign')}",

@@ -16,6 +16,7 @@ from rich.console import Console, JustifyMethod
 from rich.table import Column, Table
 from rich.text import Text
 
+from sma_bayes.disk import quoted
 from sma_bayes.report.notation import with_minus, with_percent
 
 ENTRIES_SHOWN: Final = 20
@@ -177,7 +178,9 @@ def show_end(console: Screen, found: Mapping[str, Any], out: Path | None) -> Non
     if out is None:
         return
     if found.get("figures") == "report":
-        console.tell(f"figures of the report only; `sma-bayes report {out} --figures all` draws the others")
+        console.tell(
+            f"figures of the report only; `sma-bayes report {quoted(out)} --figures all` draws the others"
+        )
     lost = found.get("workers", {}).get("lost", ())
     console.tell(*(f"a worker came to an end ({text}); what it did was done again" for text in lost))
     console.tell(f"{found['wall_s']:.1f} s; results in {out}")

@@ -127,6 +127,15 @@ def test_units_in_a_line_of_their_own_are_those_of_the_columns(
     assert json.loads(run("inspect", path, "--json").out)["records"][0]["n"] == alone["records"][0]["n"]
 
 
+def test_commands_that_are_shown_can_be_copied_where_a_path_has_blanks(
+    run: Callable[..., Any], make_sweep: Any, tmp_path: Path
+) -> None:
+    path = written(tmp_path / "Mes données (été)", make_sweep())
+    assert f'sma-bayes init "{path}"' in run("inspect", path).err
+    assert f'next: sma-bayes inspect "{path}"' in run("init", path).out
+    assert f'#   sma-bayes inspect "{path}"' in (path / "campaign.toml").read_text(encoding="utf-8")
+
+
 def test_nan_in_many_rows_is_a_missing_value_to_check(
     run: Callable[..., Any], make_sweep: Any, tmp_path: Path
 ) -> None:

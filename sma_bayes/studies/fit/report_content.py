@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from typing import Final
 
+from sma_bayes.disk import quoted
 from sma_bayes.paper.twin import printed_values
 from sma_bayes.quantities import QUANTITIES, SPECIMEN_QUANTITY
 from sma_bayes.records.types import setting_unit
@@ -160,7 +161,7 @@ def _command(summary: FitFindings) -> str:
     options = summary.options
     common = [f"--seed {summary.seed}", f"--noise {options.noise}"]
     if summary.data_dir:
-        common.insert(0, f"--data {_quoted(summary.data_dir)}")
+        common.insert(0, f"--data {quoted(summary.data_dir)}")
     if options.pool == "none" and (is_twin(summary) or is_simulated(summary)):
         verb = "sma-bayes demo --paper --out NEW" if is_twin(summary) else "sma-bayes demo --out NEW"
         return " ".join((verb, *common))
@@ -168,11 +169,7 @@ def _command(summary: FitFindings) -> str:
         common.append(f"--model {options.model}")
     if options.extrapolate:
         common.append(f"--extrapolate {options.extrapolate}")
-    source = _quoted(summary.source or "PATH")
+    source = quoted(summary.source or "PATH")
     return " ".join(
         (f"sma-bayes fit {source} --out NEW", *common, f"--pool {options.pool}", "--priors priors.toml")
     )
-
-
-def _quoted(path: str) -> str:
-    return f'"{path}"' if " " in path else path

@@ -6,6 +6,7 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
+from sma_bayes.disk import quoted
 from sma_bayes.errors import many
 from sma_bayes.report.screen import ENTRIES_SHOWN, screen
 from sma_bayes.studies.init.schema import StartDocument
@@ -27,4 +28,4 @@ def show_start(found: Mapping[str, Any]) -> None:
     if document.left_out:
         console.print("left out:")
         tell([f"{name}: {why}" for name, why in document.left_out.items()])
-    console.tell(f"next: sma-bayes inspect {Path(document.file).parent}")
+    console.tell(f"next: sma-bayes inspect {quoted(Path(document.file).parent)}")
