@@ -412,7 +412,8 @@ def _long_enough(ledger: Ledger, legs: list[Leg], least: int) -> list[Leg]:
         course = " to ".join(ledger.amount("temperature", float(t)) for t in ends)
         message = (
             f"there is a {only.value} branch only, from {course}; it is fitted alone, and nothing follows about "
-            "hysteresis, for which the way back has to be recorded too"
+            "hysteresis, for which the way back has to be recorded too; where that stands in another file, declare "
+            "both as one condition: file = [..., ...]"
         )
         ledger.note(ledger.rows[:0], "one-branch", message)
     return legs

@@ -45,13 +45,17 @@ the rows."""
 
 NO_TEMPERATURE: Final = "no column seems to be a temperature"
 
+_HEATING, _COOLING = r"heat(?:ing)?|up", r"cool(?:ing)?|down"
+_BRANCH = re.compile(rf"[ _-]*(?<![a-z])(?:({_HEATING})|{_COOLING})(?![a-z])", re.IGNORECASE)
+"""How names of files tell heating from cooling, with what joins it to the rest."""
+
 HELD_LOAD_SPREAD: Final = 0.1
 """A force or stress whose quartiles differ by less than this share of its median was held, and is the load."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
 class _Source:
-    """A file, or a sheet of a workbook, with what its columns seem to hold."""
+    """A file, or a sheet of a workbook, with what its columns seem to hold; `cooling` is the file of the way back."""
 
     file: str
     reading: Mapping[str, Any]
@@ -61,6 +65,12 @@ class _Source:
     codes: Mapping[int, tuple[str, ...]]
     guesses: Guesses
     settings: Mapping[str, float]
+    cooling: str = ""
+
+    @property
+    def stem(self) -> str:
+        stem = Path(self.file).stem
+        return _BRANCH.sub("", stem).strip(" _-") if self.cooling else stem
 
     @property
     def title(self) -> str:
@@ -134,7 +144,9 @@ def _usable(folder: Path) -> tuple[list[_Source], dict[str, str]]:
         usable = [s for s in found if s.title not in left_out]
         if usable:
             alike = zip(usable, one_kind([s.guesses for s in usable]), strict=True)
-            return _without_copies([replace(s, guesses=g) for s, g in alike], left_out), left_out
+            return _without_copies(
+                _with_way_back([replace(s, guesses=g) for s, g in alike]), left_out
+            ), left_out
     raise _nothing(folder, left_out)
 
 
@@ -258,9 +270,27 @@ def _without_copies(sources: Sequence[_Source], left_out: dict[str, str]) -> lis
     return list(longest.values())
 
 
+def _with_way_back(sources: Sequence[_Source]) -> list[_Source]:
+    """Sources in which two files of the same columns, heating and cooling of one name, are one."""
+    alike: dict[object, dict[bool, list[_Source]]] = {}
+    for source in sources:
+        told = _BRANCH.findall(source.file)
+        if len(told) == 1:
+            key = _BRANCH.sub("", source.file).casefold(), source.names, str(source.reading)
+            alike.setdefault(key, {}).setdefault(bool(told[0]), []).append(source)
+    pairs = [
+        (b[True][0], b[False][0])
+        for b in alike.values()
+        if len(b.get(True, ())) == len(b.get(False, ())) == 1
+    ]
+    back = {up.title: down.file for up, down in pairs}
+    gone = {down.title for _, down in pairs}
+    return [replace(s, cooling=back.get(s.title, "")) for s in sources if s.title not in gone]
+
+
 def _ids(sources: Sequence[_Source]) -> list[str]:
     """Ids that can stand in file names: the stem of each file, with folder and sheet where that is not enough."""
-    stems = [Path(s.file).stem + (f" {s.reading['sheet']}" if "sheet" in s.reading else "") for s in sources]
+    stems = [s.stem + (f" {s.reading['sheet']}" if "sheet" in s.reading else "") for s in sources]
     whole = [
         re.sub(r"\.\w+$", "", s.file) + (f" {s.reading['sheet']}" if "sheet" in s.reading else "")
         for s in sources
@@ -346,7 +376,7 @@ class _Writer:
             part = [
                 "[[condition]]",
                 f"id = {_quoted(name)}",
-                f"file = {_quoted(source.file)}",
+                _file_line(source),
                 *self._settings(source),
             ]
             if not common:
@@ -386,6 +416,13 @@ class _Writer:
             if key and middle > 0.0 and high - low < HELD_LOAD_SPREAD * middle:
                 lines.append(f"{key} = {middle:.3g}  # GUESS: median of a {held} that hardly varies")
         return lines
+
+
+def _file_line(source: _Source) -> str:
+    if not source.cooling:
+        return f"file = {_quoted(source.file)}"
+    files = ", ".join(map(_quoted, (source.file, source.cooling)))
+    return f"file = [{files}]  # GUESS: heating and cooling of one condition, from the file names"
 
 
 def _bare(lines: Iterable[str]) -> list[str]:

@@ -127,6 +127,35 @@ def test_units_in_a_line_of_their_own_are_those_of_the_columns(
     assert json.loads(run("inspect", path, "--json").out)["records"][0]["n"] == alone["records"][0]["n"]
 
 
+@pytest.mark.parametrize(
+    ("up", "down", "name"),
+    [
+        ("2A_heating.csv", "2A_cooling.csv", "2A"),
+        ("heating/2A.csv", "cooling/2A.csv", "2A"),
+        ("Up 2A.csv", "Down 2A.csv", "2A"),
+    ],
+)
+def test_heating_and_cooling_in_files_of_their_own_are_one_condition(
+    run: Callable[..., Any], make_sweep: Any, tmp_path: Path, up: str, down: str, name: str
+) -> None:
+    head, *rows = make_sweep()
+    for file, part in (
+        (up, rows[: len(rows) // 2]),
+        (down, rows[len(rows) // 2 :]),
+        ("1A_heating.csv", rows),
+    ):
+        (tmp_path / file).parent.mkdir(exist_ok=True)
+        (tmp_path / file).write_text("\n".join([head, *part]) + "\n", encoding="utf-8")
+    if "/" in up:
+        (tmp_path / "1A_heating.csv").unlink()
+    outcome = run("init", tmp_path)
+    conditions = {c["id"]: c["file"] for c in declared(tmp_path / "campaign.toml")["condition"]}
+    assert conditions == {name: [up, down]} | ({} if "/" in up else {"1A_heating": "1A_heating.csv"})
+    assert "heating and cooling of one condition, from the file names" in outcome.out
+    records = json.loads(run("inspect", tmp_path, "--json").out)["records"]
+    assert {"heating", "cooling"} == {r["branch"] for r in records if r["condition"] == name}
+
+
 def test_commands_that_are_shown_can_be_copied_where_a_path_has_blanks(
     run: Callable[..., Any], make_sweep: Any, tmp_path: Path
 ) -> None:
