@@ -26,8 +26,6 @@ from sma_bayes.studies.cycles.sweeps import LEAST_SAMPLES, NUMBERS, USUAL_SCATTE
 LEAST_SWEEPS: Final = 2
 """Fewest sweeps that tell of scatter."""
 RELATIVE_TOLERANCE: Final = 1e-9
-SD_GRID: Final = np.linspace(0.0, 4.0, 81)
-"""Standard deviations over the usual one at which each is integrated over."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -137,7 +135,11 @@ def _of_the_fit(draws: RecordDraws, channel: str) -> tuple[SweepFunctions | None
 
 
 def _learnt(draws: RecordDraws, channel: str, deviations: Deviations) -> Floats:
-    """Root mean square of each standard deviation under its posterior, the others at their likeliest values."""
+    """Likeliest standard deviations.
+
+    Of two sweeps that agree the mean square of one under its posterior would be the prior's, not theirs, and a further
+    sweep would hardly tell anything.
+    """
     posterior, record = draws.posterior, draws.record
     theta = np.median(draws.before_calibration, axis=0)[None]
     weights = ({c: w.mean(axis=0)[None] for c, w in draws.weights.items()},) if draws.weights else ()
@@ -155,14 +157,7 @@ def _learnt(draws: RecordDraws, channel: str, deviations: Deviations) -> Floats:
         return 0.5 * float(size @ size) - _restricted(numbers, size)
 
     best = optimize.minimize(cost, np.full(4, 0.5), bounds=[(0.0, 10.0)] * 4, method="L-BFGS-B").x
-    out = np.zeros(4)
-    for i in range(4):
-        trials = np.tile(best, (SD_GRID.size, 1))
-        trials[:, i] = SD_GRID
-        value = np.array([-cost(t) for t in trials])
-        weight = np.exp(value - value.max())
-        out[i] = np.sqrt(np.sum(weight * SD_GRID**2) / np.sum(weight))
-    return np.asarray(out * USUAL_SCATTER)
+    return np.asarray(best * USUAL_SCATTER)
 
 
 def _restricted(numbers: list[tuple[Floats, Floats]], size: Floats) -> float:

@@ -509,7 +509,10 @@ def _remarks(
     yield from remarks_on_discrepancies(t.knowledge.draws for t in targets)
     yield from remarks_on_scatter(t.knowledge.draws for t in targets)
     if len(alone) < len(targets):
-        yield "scatter from sweep to sweep is learnt from the sweeps of each record"
+        yield (
+            "scatter from sweep to sweep is as large as the sweeps of each record show it; two or three tell it only "
+            "roughly, and where later ones differ more, more is left than is said"
+        )
     yield (
         "a new set-up may differ from the old by more than sweeps differ from each other; "
         "only a repetition at the same settings tells by how much"

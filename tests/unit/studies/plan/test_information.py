@@ -195,6 +195,24 @@ def test_planted_scatter_is_found_and_none_where_there_is_none(
     np.testing.assert_array_equal(scatter_of(alone, "usual")["force"].sd, USUAL_SCATTER)
 
 
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_beside_two_sweeps_that_agree_a_third_leaves_two_thirds(
+    make_record: Callable[..., Record], tmp_path: Path, seed: int
+) -> None:
+    """Two sweeps that agree to 0.02 K were said to scatter by 0.4 K, and a third to leave 0.97 of a variance."""
+    base = make_record(("force",), n=160, segments=2, noise=0.005)
+    t = np.tile(np.linspace(30.0, 70.0, 80), 2)
+    inputs = {**base.inputs, "temperature": t, "segment": np.repeat([0.0, 1.0], 80)}
+    noise = 0.0125 * np.random.default_rng(seed).standard_normal(base.n)
+    force = 0.5 + 2.5 / (1.0 + np.exp(-0.35 * (t - 52.0))) + noise
+    draws = _fitted(replace(base, inputs=inputs, observed={"force": force}), "independent", tmp_path / "two")
+    known = Knowledge.of(draws, scatter_of(draws, "none"), 0, size=200)
+    values = draws.curve("force", np.array([50.0]))[:, 0]
+    asked = QuantityDraws("force", "curve", "force", "N", "", values, 50.0)
+    target = PlanTarget(known, (asked,), known.gradient("force", 50.0))
+    assert 0.6 < target.expected(known.information(PlannedSweep(30.0, 70.0, 80, 0.1))).left[0] < 0.85
+
+
 def test_of_sweeps_that_differ_one_more_is_one_more_of_so_many(
     make_record: Callable[..., Record], plain: RecordDraws, tmp_path: Path
 ) -> None:
