@@ -76,7 +76,7 @@ class Verdict:
     def none(dimension: int) -> Verdict:
         """Of no draws at all."""
         unknown = np.full(dimension, np.nan)
-        nothing = Convergence(unknown, unknown, unknown, False, unknown)
+        nothing = Convergence(unknown, unknown, unknown, False, unknown, unknown)
         return Verdict(0.0, nothing, np.full((LEVELS.size, dimension), np.nan), unknown, unknown)
 
     @property
@@ -141,4 +141,5 @@ def diagnose(chains: Floats) -> Convergence:
     rhat = np.maximum(found.rhat, assess(in_order[:, :, None], TARGET).rhat)
     bulk, tail = found.ess_bulk, found.ess_tail
     reached = np.all(rhat <= TARGET.rhat) and np.all(np.minimum(bulk, tail) >= TARGET.ess)
-    return Convergence(rhat, bulk, tail, bool(reached), np.full(dimension, np.nan))
+    unknown = np.full(dimension, np.nan)
+    return Convergence(rhat, bulk, tail, bool(reached), unknown, unknown)

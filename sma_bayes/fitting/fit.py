@@ -97,6 +97,13 @@ class Fit:
         rng = np.random.default_rng(np.random.SeedSequence([self.seed, 6, *keys.encode()]))
         return self.posterior.draw_discrepancy(rng, self.flat)
 
+    @property
+    def every(self) -> Floats:
+        """All draws of all parameters, shape (N, P); those kept where sweeps differ, as no others are of all sweeps."""
+        if self.measured_sweeps is not None:
+            return self.flat
+        return self.posterior.space.constrain(self.draws.z.reshape(-1, self.draws.z.shape[-1]))
+
     def calibration_draws(self, record: int = 0) -> dict[str, tuple[Floats, Floats]]:
         """Gain and shift of each channel whose calibration is uncertain, one for each kept draw.
 
@@ -114,6 +121,12 @@ class Fit:
     def calibrated(self, record: int = 0) -> Floats:
         """Kept draws (G N, P) with the uncertainty of the calibration carried into the parameters that stand for it."""
         return calibrated_parameters(self.posterior, self.flat, self.calibration_draws(record), record)
+
+    def every_calibrated(self, record: int = 0) -> Floats:
+        """The same of all draws (N, P): of the few that are kept, moments of heavy tails are not told well."""
+        r, theta = self.records[record], self.every
+        errors = calibration_errors(calibrations_of(r), self.seed, r.key, len(theta))
+        return calibrated_parameters(self.posterior, theta, errors, record)
 
     def curves(self, record: int = 0) -> CurveDraws:
         """Curves of one record, one for each kept draw: model, discrepancy and calibration together."""

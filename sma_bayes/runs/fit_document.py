@@ -29,11 +29,11 @@ from sma_bayes.runs.schema import (
     NumberOrNull,
     RunAccount,
 )
-from sma_bayes.sampling.convergence import Target
+from sma_bayes.sampling.convergence import PUBLISHED_TARGET
 
 NOISE: Final = "noise"
 """Role of the parameters of the noise."""
-TARGET: Final = Target()
+TARGET: Final = PUBLISHED_TARGET
 """What convergence asks for."""
 CHECK_TAIL: Final = 0.01
 """A predictive check counts as failed where its p-value is below this at an end that tells something."""
@@ -107,8 +107,8 @@ class ParameterSummary(DocumentPart):
     )
     warm_start: NumberOrNull = Field(default=None, description="least-squares fit [unit]")
     warm_start_sd: NumberOrNull = Field(default=None, description="its standard deviation [unit]")
-    mean: NumberOrNull = Field(default=None, description="mean [unit]")
-    sd: NumberOrNull = Field(default=None, description="standard deviation [unit]")
+    mean: NumberOrNull = Field(default=None, description="mean of all draws [unit]")
+    sd: NumberOrNull = Field(default=None, description="standard deviation of all draws [unit]")
     q05: NumberOrNull = Field(default=None, description="5 % quantile [unit]")
     median: NumberOrNull = Field(default=None, description="median [unit]")
     q95: NumberOrNull = Field(default=None, description="95 % quantile [unit]")
@@ -118,6 +118,15 @@ class ParameterSummary(DocumentPart):
     )
     ess_tail: NumberOrNull = Field(
         default=None, description="tail effective sample size; null where fixed [1]"
+    )
+    quantile_error: NumberOrNull = Field(
+        default=None,
+        description="greater Monte Carlo standard error of the 2.5 and 97.5 % quantiles over the standard deviation, "
+        "as sampled (logarithms of what is positive); null where fixed [1]",
+    )
+    sd_error: NumberOrNull = Field(
+        default=None,
+        description="relative Monte Carlo standard error of the standard deviation, as sampled; null where fixed [1]",
     )
     contraction: NumberOrNull = Field(
         default=None,
@@ -145,13 +154,28 @@ class ParameterSummary(DocumentPart):
         return None if self.ess_bulk is None or self.ess_tail is None else min(self.ess_bulk, self.ess_tail)
 
     @property
-    def short_of_target(self) -> bool:
-        """Whether R-hat or an effective sample size misses what convergence asks for."""
+    def shortfall(self) -> str:
+        """What misses the target of convergence, in words; empty where nothing does.
+
+        Runs of earlier versions don't tell the errors of quantiles and standard deviations.
+        """
         if self.fixed:
-            return False
+            return ""
         if self.rhat is None or self.ess is None:
-            return True
-        return self.rhat > TARGET.rhat or self.ess < TARGET.ess
+            return "no R-hat"
+        quantile_error, sd_error = self.quantile_error or 0.0, self.sd_error or 0.0
+        told = (
+            (self.rhat > TARGET.rhat, f"R-hat {self.rhat:.3f}"),
+            (self.ess < TARGET.ess, f"{self.ess:.0f} effective draws"),
+            (quantile_error > TARGET.quantile_error, f"outer quantiles to {quantile_error:.2g} sd"),
+            (sd_error > TARGET.sd_error, f"sd to {100.0 * sd_error:.2g} %"),
+        )
+        return ", ".join(words for short, words in told if short)
+
+    @property
+    def short_of_target(self) -> bool:
+        """Whether it misses what convergence asks for."""
+        return bool(self.shortfall)
 
 
 class GoodnessSummary(DocumentPart):

@@ -1,4 +1,4 @@
-"""Convergence: rank-normalised split R-hat, and bulk and tail effective sample size.
+"""Convergence: rank-normalised split R-hat, effective sample sizes, and errors of quantiles and standard deviations.
 
 Formulae of A. Vehtari, A. Gelman, D. Simpson, B. Carpenter, P.-C. Bürkner, "Rank-normalization, folding, and
 localization: an improved R-hat for assessing convergence of MCMC", Bayesian Analysis 16 (2021) 667,
@@ -13,7 +13,7 @@ independent of each other, so they are never counted as chains.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.special import ndtri
@@ -27,6 +27,8 @@ PUBLISHED_QUANTILES = (0.025, 0.975)
 NORMAL_ERROR = 3.5
 """Standard error [sd] of these, of a normal distribution, times the root of the number of draws: 2.7, and a third more
 for the greatest of some twenty estimates."""
+NORMAL_SD_ERROR = math.sqrt(0.5)
+"""Relative standard error of the standard deviation of a normal distribution, times the root of the number of draws."""
 LEAST_SERIES_STEPS = 100
 """Steps from which the means over walkers are a series that an effective sample size can be taken of."""
 
@@ -43,21 +45,27 @@ class Target:
         Least bulk and tail effective sample size of any parameter.
     quantile_error : float
         Greatest Monte Carlo standard error of the 2.5 and 97.5 % quantiles of any parameter [posterior sd].
+    sd_error : float
+        Greatest relative Monte Carlo standard error of the standard deviation of any parameter.
     """
 
     rhat: float = 1.01
     ess: float = 1000.0
     quantile_error: float = math.inf
+    sd_error: float = math.inf
 
     @property
     def draws(self) -> float:
         """Effective draws of a normal distribution that reach the target."""
-        return max(self.ess, (NORMAL_ERROR / self.quantile_error) ** 2)
+        return max(
+            self.ess, (NORMAL_ERROR / self.quantile_error) ** 2, (NORMAL_SD_ERROR / self.sd_error) ** 2
+        )
 
 
-PUBLISHED_TARGET = Target(quantile_error=0.06)
-"""Target of a posterior whose 2.5 and 97.5 % quantiles are published. The greatest of some twenty estimated errors is a
-third above the true ones, so that 0.2 sd are four standard errors and more: met by chance in one of 300 records."""
+PUBLISHED_TARGET = Target(quantile_error=0.06, sd_error=0.023)
+"""Target of a posterior whose standard deviations and 2.5 and 97.5 % quantiles are published. The greatest of some
+twenty estimated errors of quantiles is a third above the true ones, so that 0.2 sd are four standard errors and more:
+met by chance in one of 300 records. Three errors of a standard deviation are 7 % of it."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -73,6 +81,9 @@ class Convergence:
     quantile_error : ndarray, shape (D,)
         Greater of the Monte Carlo standard errors of the 2.5 and 97.5 % quantiles [sd]: the binomial standard error of
         their levels, with `ess_tail` draws, times the mean slope of the quantiles from half to one and a half of them.
+    sd_error : ndarray, shape (D,)
+        Relative Monte Carlo standard error of the standard deviation, from the effective sample size of squared
+        deviations from the mean (A. Vehtari and others 2021): ``0.5 sqrt((kurtosis - 1) / ess)``.
     """
 
     rhat: Floats
@@ -80,6 +91,17 @@ class Convergence:
     ess_tail: Floats
     converged: bool
     quantile_error: Floats
+    sd_error: Floats
+
+    def reaches(self, target: Target) -> bool:
+        """Whether every parameter reaches a target."""
+        with np.errstate(invalid="ignore"):
+            return bool(
+                np.all(self.rhat <= target.rhat)
+                and np.all(np.minimum(self.ess_bulk, self.ess_tail) >= target.ess)
+                and np.all(self.quantile_error <= target.quantile_error)
+                and np.all(self.sd_error <= target.sd_error)
+            )
 
 
 def assess(draws: Floats, target: Target) -> Convergence:
@@ -101,25 +123,25 @@ def assess(draws: Floats, target: Target) -> Convergence:
     """
     groups, steps, walkers, d = draws.shape
     values = np.moveaxis(draws, -1, 0).reshape(draws.shape[-1], -1)
-    with np.errstate(invalid="ignore", divide="ignore"):
+    with np.errstate(invalid="ignore", divide="ignore", over="ignore"):
         scores, folded = _scores(values), _scores(np.abs(values - np.median(values, axis=1, keepdims=True)))
         both = np.stack([scores, folded]).reshape(2, d, groups, steps, walkers)
         by_step, by_walker = (x.reshape(2, d, groups, -1) for x in (both, both.swapaxes(3, 4)))
         rhat = np.maximum(_rhat(by_step), _rhat(by_walker)).max(axis=0)
-        series = np.concatenate([scores[None], _in_tails(values)]).reshape(3, d, groups, steps, walkers)
-        bulk, *tails = _ess(series.swapaxes(3, 4).reshape(3, d, groups, -1))
+        squares = (values - values.mean(axis=1, keepdims=True)) ** 2
+        series = np.concatenate([scores[None], _in_tails(values), squares[None]])
+        series = series.reshape(4, d, groups, steps, walkers)
+        bulk, *tails, of_squares = _ess(series.swapaxes(3, 4).reshape(4, d, groups, -1))
         tail = np.minimum(*tails)
         if steps >= LEAST_SERIES_STEPS:
             means = series.mean(axis=4)
             gain = series.var(axis=(2, 3, 4)) / means.var(axis=(2, 3))
-            of_bulk, *of_tails = _ess(means) * gain
+            of_bulk, *of_tails, of_means = _ess(means) * gain
             bulk, tail = np.minimum(bulk, of_bulk), np.minimum(tail, np.minimum(*of_tails))
-    error = _quantile_error(values, tail)
-    with np.errstate(invalid="ignore"):
-        finite = bool(np.all(np.isfinite(draws)))
-        reached = np.all(rhat <= target.rhat) and np.all(np.minimum(bulk, tail) >= target.ess)
-        reached &= np.all(error <= target.quantile_error)
-    return Convergence(rhat, bulk, tail, finite and bool(reached), error)
+            of_squares = np.minimum(of_squares, of_means)
+        sd_error = 0.5 * squares.std(axis=1) / squares.mean(axis=1) / np.sqrt(of_squares)
+    found = Convergence(rhat, bulk, tail, False, _quantile_error(values, tail), sd_error)
+    return replace(found, converged=bool(np.all(np.isfinite(draws))) and found.reaches(target))
 
 
 def _scores(values: Floats) -> Floats:

@@ -14,9 +14,10 @@ The plan of a run, each stage only where the one before does not suffice:
    found;
 6. independence moves with that, audited too, or, where it does not carry either, both kinds of move together.
 
-A run stops when every parameter has reached the target on R-hat, effective sample size and the error of its outer
-quantiles, never on a count of steps. If the greatest allowed effort is spent first, the draws are returned and called
-not converged. To cross-check by hand a run can be made with differential evolution or stretch moves alone (`SAMPLERS`).
+A run stops when every parameter has reached the target on R-hat, effective sample size and the errors of its outer
+quantiles and standard deviation, never on a count of steps. If the greatest allowed effort is spent first, the draws
+are returned and called not converged. To cross-check by hand a run can be made with differential evolution or stretch
+moves alone (`SAMPLERS`).
 """
 
 from __future__ import annotations
@@ -172,9 +173,14 @@ reached it, with standard deviations a fifth too small. What can be linearised n
 fitted: in its own coordinates it is hardly bent, an audit looks beyond, and where that is not passed it is explored
 further."""
 
-MAX_INDEPENDENCE_STEPS = 384
-"""Steps of independence moves, at most. Of skewed parameters the outer quantiles take some thirty thousand draws, which
-other moves would take a hundred times as long to make."""
+MAX_INDEPENDENCE_STEPS, MAX_SD_STEPS = 384, 1536
+"""Steps of independence moves, at most, for all but standard deviations, and for these, once the rest is told and the
+proposal has passed its audit. Of skewed parameters the outer quantiles take some thirty thousand draws, of heavy tails
+the standard deviation some three hundred thousand, which other moves would take a hundred times as long to make."""
+MAX_SD_EXTENSION = 4
+"""How many times as long a run of other moves may become for the sake of standard deviations alone."""
+MAX_SET_STEPS = 256
+"""Steps that share one set of proposals, at most: choosing among them takes a time that grows with the square."""
 MAX_EXTENSION, MAX_EXTENSION_MENDED = 1.5, 3.0
 """How many times as long a run may become for the sake of its audit, before its proposal is mended instead: one that
 was mended already is hardly made better by mending it again."""
@@ -241,14 +247,16 @@ def _steps_hoped(efficiency: float, chains: int, plan: Plan) -> int:
     return min(MAX_BLOCKS * plan.block, max(plan.block, hoped))
 
 
-def _steps_lacking(convergence: Convergence, length: int, plan: Plan) -> int:
+def _steps_lacking(convergence: Convergence, length: int, target: Target, block: int) -> int:
     """Steps to go on for, after so many: by what lacks in effective draws, as many again at most."""
     least = float(np.minimum(convergence.ess_bulk, convergence.ess_tail).min())
     short = max(
-        plan.target.ess / least, float(np.max(convergence.quantile_error / plan.target.quantile_error)) ** 2
+        target.ess / least,
+        float(np.max(convergence.quantile_error / target.quantile_error)) ** 2,
+        float(np.max(convergence.sd_error / target.sd_error)) ** 2,
     )
     if not (least > 0.0 and short > 1.0):  # it is R-hat that lacks, or there is no telling
-        return plan.block
+        return block
     lacking = length * (SPARE_DRAWS * short - 1.0)
     return min(length, max(LEAST_STEPS, math.ceil(lacking)))
 
@@ -393,7 +401,9 @@ class _Run:
     ) -> Draws | Audited | None:
         """Independence moves alone; their audit if they don't pass it, None if they don't get so far.
 
-        For the sake of its audit a run becomes `longest` times as long as its target asks, at most.
+        For the sake of its audit a run becomes `longest` times as long as its target asks, at most. What standard
+        deviations ask for beyond is drawn after that; where they are not told by `MAX_SD_STEPS`, no other proposal is
+        tried, and the draws are not converged.
 
         No walker's move looks at another walker, so that any of them are independent of the rest: all groups are
         run as one ensemble and told apart afterwards, which spares the work of a step for each of them.
@@ -402,16 +412,23 @@ class _Run:
         more = _steps_hoped(adapted.weights.efficiency, plan.groups * self.walkers, plan)
         group = _Ensemble(self, name, adapted, seed, None, more, copies=plan.groups)
         let_pass = plan.greatest_weight
-        asked, reached = 0, 0  # steps that an audit asks for, and after which the target was first reached
+        but_sd, passed = replace(plan.target, sd_error=math.inf), False
+        asked, reached = (
+            0,
+            0,
+        )  # steps that an audit asks for, and after which all but standard deviations are told
         # a great weight, or few that count, call for an audit at once; after one that is passed they go on
-        while group.length < max(MAX_INDEPENDENCE_STEPS, asked) and not (group.length and self.spent):
+        most = MAX_INDEPENDENCE_STEPS
+        while group.length < max(most, asked) and not (group.length and self.spent):
             self.tell(f"independence moves, from step {group.length + 1}")
             group.advance(more)
             weights = Weights(group.log_weight)
             convergence = assess(group.chains, plan.target)
+            last = convergence.converged or group.length >= MAX_SD_STEPS or self.spent
             doubtful = weights.greatest > let_pass or weights.efficiency < USABLE_EFFICIENCY
-            if group.length >= asked and (convergence.converged or doubtful):
-                if convergence.converged:
+            told = convergence.reaches(but_sd)
+            if group.length >= asked and (doubtful or (told and (last or not passed))):
+                if told:
                     reached = reached or group.length
                 enough = reached or group.length
                 z = group.chain.reshape(-1, self.width.size)
@@ -420,14 +437,17 @@ class _Run:
                 found = audited(self.density, adapted.proposal, group.log_weight, z, self.width, rng, times)
                 self.evaluations += found.evaluations
                 asked = math.ceil(min(found.longer, longest + 1.0) * group.length)
-                if asked > longest * enough:
+                if found.longer > 1.0 and asked > longest * enough:
                     return found
                 let_pass = max(let_pass, 2.0 * weights.greatest)
-                if found.audit.passed and convergence.converged:
+                passed = found.audit.passed and told
+                if passed and last:
                     return self._draws([group], 0, convergence, modes, method, found.evidence, found.audit)
-            more = max(
-                _steps_lacking(convergence, group.length, plan), min(asked - group.length, group.length)
-            )
+            most = MAX_SD_STEPS if passed else MAX_INDEPENDENCE_STEPS
+            more = _steps_lacking(convergence, group.length, plan.target if passed else but_sd, plan.block)
+            if passed:
+                more = min(more, MAX_SD_STEPS - group.length)
+            more = max(more, min(asked - group.length, group.length))
         return None
 
     def _by_moves(
@@ -517,9 +537,12 @@ class _Run:
     def _until_mixed(
         self, groups: Sequence[_Ensemble], modes: tuple[Mode, ...], method: str, rng: np.random.Generator
     ) -> Draws:
-        """Blocks of steps until each walker has moved for many autocorrelation times, or the effort is spent."""
+        """Blocks of steps until each walker has moved for many autocorrelation times, or the effort is spent.
+
+        For the sake of standard deviations alone a run becomes `MAX_SD_EXTENSION` times as long, at most.
+        """
         plan = self.plan
-        block, look = 0, 1
+        block, look, most = 0, 1, math.inf
         while True:
             block += 1
             self.tell(f"{method}, block {block}")
@@ -533,7 +556,9 @@ class _Run:
             ess = max(plan.target.ess, MIXED_TIMES * plan.groups * self.walkers)
             target = replace(plan.target, ess=ess)
             convergence = assess(np.concatenate([g.chains[:, burn::thin] for g in groups]), target)
-            if convergence.converged or self.spent:
+            if convergence.reaches(replace(target, sd_error=math.inf)):
+                most = min(most, MAX_SD_EXTENSION * block)
+            if convergence.converged or self.spent or block >= most:
                 z = np.concatenate([g.chains[:, burn:] for g in groups]).reshape(-1, self.width.size)
                 # of draws that hang together so many count as the least effective sample size says
                 count = int(
@@ -650,11 +675,13 @@ class _Ensemble:
         return np.concatenate(found)[: self.walkers], np.concatenate(values)[: self.walkers]
 
     def advance(self, steps: int | None = None) -> None:
-        """Run one more block, or read it; with moves of independence alone, `steps` share one set of proposals."""
+        """Run one more block, or read it; with moves of independence alone, one of so many `steps` at least."""
         block = next(self._stored, None)
         if block is None:
             if steps is not None:
-                self.move.steps = self.steps = steps
+                sets = math.ceil(steps / MAX_SET_STEPS)
+                self.move.steps = math.ceil(steps / sets)
+                self.steps = sets * self.move.steps
             block = self._sample(self.steps)
             if self.run.checkpoint is not None:
                 self.run.checkpoint.append(self.name, block)

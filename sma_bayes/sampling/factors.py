@@ -103,6 +103,7 @@ def _joined(factors: Sequence[DensityFactor], found: Sequence[Draws]) -> Draws:
             _side_by_side(at, [c.ess_tail for c in convergence]),
             all(c.converged for c in convergence),
             _side_by_side(at, [c.quantile_error for c in convergence]),
+            _side_by_side(at, [c.sd_error for c in convergence]),
         ),
         acceptance=float(np.mean([d.acceptance for d in found])),
         evaluations=sum(d.evaluations for d in found),

@@ -65,7 +65,8 @@ def test_a_run_that_does_not_converge_ends_with_1_and_says_so(
     assert "error" not in outcome.err  # lines of progress only, where it takes half a minute
     assert "NOT CONVERGED: run-heating, run-cooling" in outcome.out
     assert re.search(
-        r"worst is \w+ of run-\w+ \(R-hat [\d.]+, \d+ effective draws\); what helps: ", outcome.out
+        r"worst is \w+ of run-\w+ \(R-hat [\d.]+, \d+ effective draws, .*sd to [\d.]+ %\); what helps: ",
+        outcome.out,
     )
     summary = json.loads((out / "summary.json").read_text(encoding="utf-8"))
     assert summary["converged"] is False

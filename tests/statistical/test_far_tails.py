@@ -4,9 +4,12 @@ A run that meets such a draw must not go on as if nothing were; whichever way it
 be right. It is held against 300,000 importance draws of a proposal that reaches far. The lower tail of A3 is so heavy
 (kurtosis 125) that 60,000 draws of one that reaches less far have its 2.5 % quantile wrong by 0.2 sd, its sd by 20 %.
 False alarm, were the seed drawn anew: shares of the draws below seven quantiles, 56 comparisons a run and three runs,
-each within 4.5 standard errors of 1,000 effective draws: one in 800. Of 20 seeds, 1000 to 1019, all converged; outer
-quantiles were off by 0.15 sd at most, ln Z by 2.4 errors and standard deviations by 4 %, but for that of A3: it
-scatters by 8 %, and three of the 20 were off by more than the 7 % and two errors of the reference that are let pass.
+each within 4.5 standard errors of 1,000 effective draws: one in 800. Of 20 seeds, 1000 to 1019, outer quantiles were
+off by 0.15 sd at most, ln Z by 2.4 errors and standard deviations by 4 %, but for that of A3, of which two thirds of
+the variance are in the last hundredth of the draws: it scattered by 8 % and all were called converged. 393,000 draws,
+the most that are made for it, tell it to 3 to 4 %, and unless it is told to 2.3 % the record is not converged. Each
+standard deviation must be within 3.5 of its stated errors, joined with those of the reference: 24 comparisons, one
+false alarm in 90, were the errors normal.
 
 Stiffness alone with independent noise is bent, too, and in its own parameters a proposal seems good that misses a
 hundredth of the posterior; in coordinates of the predictions it is not.
@@ -15,7 +18,7 @@ hundredth of the posterior; in coordinates of the predictions it is not.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
@@ -26,6 +29,7 @@ from sma_bayes.arrays import Floats
 from sma_bayes.fitting.posterior import Posterior
 from sma_bayes.sampling.adaptation import adapt, weigh
 from sma_bayes.sampling.audit import audited, reaching_further
+from sma_bayes.sampling.convergence import PUBLISHED_TARGET
 from sma_bayes.sampling.ensembles import sample
 from sma_bayes.sampling.laplace import Mode, find_mode
 from sma_bayes.sampling.proposals import AnyProposal
@@ -33,6 +37,7 @@ from sma_bayes.sampling.weighted import resampled, weighted_quantiles
 
 LEVELS = (QUANTILES[0], 0.05, 0.25, 0.5, 0.75, 0.95, QUANTILES[1])
 OUTER = [0, -1]
+BUT_SD = replace(PUBLISHED_TARGET, sd_error=np.inf)
 
 
 def far_reaching(posterior: Posterior, modes: Sequence[Mode]) -> AnyProposal:
@@ -92,7 +97,11 @@ def reference() -> Reference:
 def test_what_a_first_proposal_missed_is_in_the_draws(reference: Reference, seed: int) -> None:
     problem, posterior = reference.problem, reference.problem.posterior
     draws = sample(posterior, [problem.start], posterior.space.prior_sd(), np.random.SeedSequence(seed))
-    assert draws.convergence.converged
+    found = draws.convergence
+    assert found.reaches(BUT_SD)
+    wide = found.sd_error > PUBLISHED_TARGET.sd_error
+    assert found.converged == (not wide.any())
+    assert {posterior.names[i] for i in np.flatnonzero(wide)} <= {"A3"}  # no other tail is so heavy
     assert draws.evaluations > 40_000  # it did not do at the first try, or this test says nothing
 
     z, levels = draws.z.reshape(-1, draws.z.shape[-1]), np.array(LEVELS)[:, None]
@@ -102,7 +111,9 @@ def test_what_a_first_proposal_missed_is_in_the_draws(reference: Reference, seed
 
     ends = reference.quantiles[OUTER]
     assert np.abs((np.quantile(z, QUANTILES, axis=0) - ends) / reference.sd).max() < OFF
-    assert np.all(np.abs(z.std(axis=0) / reference.sd - 1.0) < SD_OFF + 2.0 * reference.sd_error)
+    off = np.abs(z.std(axis=0) / reference.sd - 1.0)
+    assert np.all(off[~wide] < (SD_OFF + 2.0 * reference.sd_error)[~wide])
+    assert np.all(off < 3.5 * np.hypot(found.sd_error, reference.sd_error))
     error = np.hypot(draws.ln_evidence_sd, reference.ln_evidence_sd)
     assert abs(draws.ln_evidence - reference.ln_evidence) < LN_Z_OFF * error
 

@@ -98,8 +98,9 @@ def _sentences(content: Content) -> Iterator[str]:
     yield (
         f"Posteriors were drawn with emcee {p.versions.get('emcee', '')} [@foremanmackey2013]; "
         f"{len(content.converged)} of {len(records)} records converged, with rank-normalised R-hat of at most "
-        f"{TARGET.rhat} and bulk and tail effective sample sizes of at least {TARGET.ess:.0f} "
-        "for every parameter [@vehtari2021]."
+        f"{TARGET.rhat}, bulk and tail effective sample sizes of at least {TARGET.ess:.0f}, and Monte Carlo standard "
+        f"errors of at most {TARGET.quantile_error} sd of the 2.5 and 97.5 % quantiles and "
+        f"{100.0 * TARGET.sd_error:.1f} % of the standard deviation, for every parameter as sampled [@vehtari2021]."
     )
     yield _adequacy(content)
     stiffness = next((c.name for c in content.channels if c.channel == "stiffness"), None)

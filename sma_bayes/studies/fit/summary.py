@@ -152,7 +152,7 @@ def _audit(fit: Fit) -> SamplingSummary:
 
 def _parameters(fit: Fit, record: int) -> dict[str, ParameterSummary]:
     space = fit.posterior.space
-    theta = fit.calibrated(record)
+    theta, every = fit.calibrated(record), fit.every_calibrated(record)
     moved = dict(zip(space.free_index.tolist(), contraction(fit).tolist(), strict=True))
     diagnostics = dict(zip(space.free_index.tolist(), range(space.dimension), strict=True))
     place = fit.posterior.layout[record]
@@ -172,12 +172,14 @@ def _parameters(fit: Fit, record: int) -> dict[str, ParameterSummary]:
             role=role,
             warm_start=float(fit.start[i]),
             warm_start_sd=float(fit.warm_start.sd[i]) if i < fit.warm_start.sd.size else None,
-            mean=float(theta[:, i].mean()),
-            sd=float(theta[:, i].std(ddof=1)),
+            mean=float(every[:, i].mean()),
+            sd=float(every[:, i].std(ddof=1)),
             **interval(theta[:, i]),
             rhat=None if k is None else float(c.rhat[k]),
             ess_bulk=None if k is None else float(c.ess_bulk[k]),
             ess_tail=None if k is None else float(c.ess_tail[k]),
+            quantile_error=None if k is None else float(c.quantile_error[k]),
+            sd_error=None if k is None else float(c.sd_error[k]),
             contraction=moved.get(i),
             identified=moved.get(i, 0.0) >= IDENTIFIED,
             fixed=p.fixed is not None,

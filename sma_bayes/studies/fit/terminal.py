@@ -17,7 +17,7 @@ from sma_bayes.quantities import unit_text
 from sma_bayes.records.plausibility import DOUBTS
 from sma_bayes.report.choice import CAMPAIGN_REPORT_ABOVE
 from sma_bayes.report.screen import ENTRIES_SHOWN, screen, show_end, what_helps
-from sma_bayes.runs.fit_document import FitSummary, OptionsSummary, RecordSummary
+from sma_bayes.runs.fit_document import TARGET, FitSummary, OptionsSummary, RecordSummary
 from sma_bayes.studies.fit.inadequate import KINDS, RECORDS_NAMED, reason_groups
 
 COLUMNS = (
@@ -110,17 +110,18 @@ def show_fit(summary: dict[str, Any], out: Path) -> None:
 
 
 def _slowest(failed: Sequence[RecordSummary]) -> str:
-    """The parameter that is drawn worst; of one that has reached R-hat and effective draws nothing is told."""
+    """The parameter that is drawn worst, and what it misses; nothing where none misses its target."""
     sampled = [
-        (p.ess, name, p.rhat, r)
+        (p.ess, -(p.sd_error or 0.0), name, r)
         for r in failed
         for name, p in r.parameters.items()
         if p.ess is not None and p.rhat is not None and p.short_of_target
     ]
     if not sampled:
         return ""
-    ess, name, rhat, r = min(sampled, key=lambda s: s[0])
-    return f"worst is {name} of {r.key} (R-hat {rhat:.3f}, {ess:.0f} effective draws); "
+    # of those with enough effective draws the one whose standard deviation is told worst
+    *_, name, r = min(sampled, key=lambda s: (min(s[0], TARGET.ess), s[1]))
+    return f"worst is {name} of {r.key} ({r.parameters[name].shortfall}); "
 
 
 def _number(value: float | None) -> str:

@@ -177,6 +177,8 @@ def test_a_prior_is_put_into_words(content: Content) -> None:
         ({"identified": False, "fixed": True, "rhat": None}, False, False),
         ({"rhat": 1.02}, False, True),
         ({"ess_tail": 900.0}, False, True),
+        ({"sd_error": 0.024}, False, True),
+        ({"quantile_error": 0.07}, False, True),
         ({"rhat": None}, False, True),
     ],
 )

@@ -440,6 +440,20 @@ def test_the_first_block_is_as_long_as_target_and_proposal_ask() -> None:
     assert Plan().target.draws > 3000.0  # so many tell the outer quantiles, not 1,000
 
 
+def test_draws_are_made_until_standard_deviations_are_told() -> None:
+    wanted = Target(sd_error=0.005)
+    draws, before = run(gaussian(), plan=Plan(target=wanted)), run(gaussian(), plan=Plan(target=Target()))
+    assert draws.convergence.converged
+    assert draws.convergence.sd_error.max() <= wanted.sd_error < before.convergence.sd_error.min()
+
+
+def test_what_is_not_told_by_the_greatest_length_is_not_converged() -> None:
+    draws = run(gaussian(), plan=Plan(target=Target(sd_error=1e-4)))
+    assert not draws.convergence.converged
+    assert draws.convergence.reaches(Target())  # for this reason alone
+    assert (draws.method, draws.z.shape[1]) == (ensembles.INDEPENDENCE, ensembles.MAX_SD_STEPS)
+
+
 def test_fewer_than_four_ensembles_are_refused() -> None:
     with pytest.raises(ValueError, match="at least 4"):
         Plan(groups=3)

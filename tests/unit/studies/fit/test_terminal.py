@@ -173,3 +173,6 @@ def test_the_parameter_that_is_drawn_worst_is_named_among_those_short_of_the_tar
     assert fit._slowest([record("a-heating", parameters={"A1": reached})]) == ""
     told = fit._slowest([record("a-heating", parameters={"A1": reached, "A2": short})])
     assert told == "worst is A2 of a-heating (R-hat 1.030, 400 effective draws); "
+    wide = reached.model_copy(update={"sd_error": 0.057, "quantile_error": 0.04})
+    told = fit._slowest([record("a-heating", parameters={"A1": reached, "A3": wide})])
+    assert told == "worst is A3 of a-heating (sd to 5.7 %); "
