@@ -30,7 +30,7 @@ HEADLINES: Final = (
     "least_stiffness", "greatest_stiffness", "stiffness_ratio", "hysteresis_width", "midpoint",
     "As", "Af", "Ms", "Mf", "Rs", "Rf", "peak_temperature",
 )  # fmt: skip
-"""Features whose effects are told on a terminal."""
+"""Features of which a terminal tells how tested conditions differ where no direction can be sure."""
 
 
 def show_conditions(found: dict[str, Any], out: Path) -> None:
@@ -50,7 +50,7 @@ def conditions_text(stated: Mapping[str, Any]) -> str:
             _range_text(n, min(v.values), max(v.values), v.unit, specimen) for n, v in group.varied.items()
         ]
         lines.append(f"{', '.join(group.conditions)}: {', '.join(ranges) or 'nothing varied'}")
-    told = [e for e in found.effects if e.beyond and e.feature in HEADLINES]
+    told = [e for e in found.effects if e.beyond and e.feature != "share_left"]
     sure = [e for e in told if _sure(e)]
     lines += [_effect_text(e, e.beyond, specimen) for e in sure if e.beyond]
     if told:

@@ -83,6 +83,20 @@ def test_a_factor_between_shares_that_are_over_is_left_out_of_the_table() -> Non
     assert shown(0.1) == 1
 
 
+def test_every_sure_direction_is_told() -> None:
+    """Of an effect of the load on the slope, sure by 98 %, it was said that 0 effects are sure."""
+    interval = {"q05": 0.53, "median": 0.65, "q95": 0.84}
+    effect = {
+        "feature": "greatest_slope", "branch": "heating", "channel": "force", "unit": "1", "kind": "factor",
+        "setting": "load", "setting_unit": "N", "from": 1.0, "to": 3.0, "conditions": ["a", "b", "c"],
+        "tested": interval, "beyond": interval, "probability_rises": 0.022, "scatter": None, "spare": 1,
+        "aliased_with": [], "confounded_with": [], "defined": 1.0,
+    }  # fmt: skip
+    text = conditions_text({**study(), "effects": [effect]})
+    assert "greatest slope of force, heating ×0.650 [0.530, 0.840]" in text
+    assert "1 of 1 effects have a 95 % sure direction" in text
+
+
 def test_of_two_conditions_it_is_told_how_they_differ_and_why_no_more() -> None:
     effect = {
         "feature": "Af", "branch": "heating", "channel": "displacement", "unit": "degC", "kind": "difference",
