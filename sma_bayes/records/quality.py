@@ -6,7 +6,8 @@ Which findings keep rows out and which are only reported:
 kept out and counted   missing temperature, missing or spoilt channel to fit, drop-out,
                        spike, duplicate row, time running backwards
 only reported          quantised, clipped, gap, steps of the load, kelvin, row numbers,
-                       repeated time stamps, held samples, restart of the clock, no transformation, narrow sweep
+                       repeated time stamps, held samples, restart of the clock, no transformation, narrow sweep,
+                       a thermometer that is stuck
 =====================  ==================================================================
 
 All functions take plain arrays and return masks or numbers; nothing is changed.
@@ -351,6 +352,39 @@ def clipped(values: Floats) -> tuple[FlatTop, ...]:
         sides = values[[max(0, start - aside), min(values.size, stop + aside) - 1]]
         if length[k] >= max(5, 3 * usual) and np.abs(sides - extreme).max() > 2.5 * pace:
             found.append(FlatTop(start, stop, int(length[at].sum()), float(extreme)))
+    return tuple(found)
+
+
+def stuck(values: Floats) -> tuple[FlatTop, ...]:
+    """Stretches of a sweep in which a thermometer shows one reading and then catches up by a jump.
+
+    At least five samples, three times more than 99 % of all other readings are held for, and left by a jump of half of
+    what the sweep usually moves in that time or more. A hold and a coarse display are left by one usual step.
+
+    Parameters
+    ----------
+    values : ndarray, shape (n,)
+        Finite, of one sweep, in order of acquisition.
+
+    Examples
+    --------
+    >>> sweep = np.linspace(20.0, 80.0, 121)
+    >>> sweep[40:50] = sweep[40]
+    >>> [(s.start, s.stop, s.value) for s in stuck(sweep)]
+    [(40, 50, 40.0)]
+    """
+    first = first_of_each_reading(values)
+    if first.size < 20:
+        return ()
+    length = np.diff(np.r_[first, values.size])
+    pace = abs(float(values[-1] - values[0])) / values.size
+    found = []
+    for k in np.flatnonzero(length[:-1] >= 5):
+        usual = float(np.percentile(np.delete(length, k), 99))
+        jump = abs(float(values[first[k + 1]] - values[first[k]]))
+        if length[k] > 3 * usual and jump >= 0.5 * pace * float(length[k]):
+            start = int(first[k])
+            found.append(FlatTop(start, start + int(length[k]), int(length[k]), float(values[start])))
     return tuple(found)
 
 

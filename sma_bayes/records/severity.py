@@ -13,7 +13,7 @@ _SERIOUS: Final = frozenset({
     "branch-contradicted", "clipped", "load-not-constant", "narrow-sweep", "no-branch", "no-transformation",
     "not-constant", "one-branch", "time-restart", "time-reversal", "truncated",
     "copied-readings", "implausible", "kelvin", "large-sd", "misread-decimals", "named-otherwise",
-    "same-column", "same-file", "swapped",
+    "same-column", "same-file", "stuck", "swapped",
 })  # fmt: skip
 _NOTES: Final = frozenset({
     "assumed", "constant-channel", "constant-load", "cut", "held-samples", "hold", "not-fitted", "quantised",

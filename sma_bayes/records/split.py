@@ -40,7 +40,7 @@ from sma_bayes.records.held import (
     rows_of,
 )
 from sma_bayes.records.ledger import Ledger
-from sma_bayes.records.quality import are_row_numbers, gaps, levels, looks_like_kelvin
+from sma_bayes.records.quality import are_row_numbers, gaps, levels, looks_like_kelvin, stuck
 from sma_bayes.records.reduction import Blocks, average, blocks_of
 from sma_bayes.records.run import Run
 from sma_bayes.records.segmentation import (
@@ -435,6 +435,7 @@ def _note_quality(ledger: Ledger, legs: list[Leg], channels: tuple[str, ...]) ->
     for channel in channels:
         note_no_transformation(ledger, legs, channel)
     _note_temperature(ledger, rows)
+    _note_stuck(ledger, legs)
     _note_steps(ledger, rows)
     swept = float(np.ptp(run.columns["temperature"][rows]))
     if run.units.get("temperature") == "degC" and swept < MAX_DRIFT:
@@ -452,6 +453,22 @@ def _note_quality(ledger: Ledger, legs: list[Leg], channels: tuple[str, ...]) ->
         if index.size:
             message = "gaps in time or temperature; the rows listed are the first after them"
             ledger.note(index, "gap", message, branch=branch.value)
+
+
+def _note_stuck(ledger: Ledger, legs: Sequence[Leg]) -> None:
+    """Report where the thermometer stood still and caught up by a jump: these temperatures are wrong."""
+    temperature = ledger.run.columns["temperature"]
+    for leg in legs:
+        for still in stuck(temperature[leg.rows]):
+            rows = leg.rows[still.start : still.stop]
+            jump = abs(float(temperature[leg.rows[still.stop]]) - still.value)
+            by = ledger.amount("temperature", jump, difference=True, digits=3)
+            message = (
+                f"temperature reads {ledger.amount('temperature', still.value)} in {still.count} rows in sequence, "
+                f"then jumps by {by}, as a thermometer that is "
+                "stuck does; the rows stay in, and their temperatures are wrong: declare that reading as `missing`"
+            )
+            ledger.note(rows, "stuck", message, column="temperature", branch=leg.branch.value)
 
 
 def _note_steps(ledger: Ledger, rows: Ints) -> None:

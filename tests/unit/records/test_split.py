@@ -260,6 +260,25 @@ def test_digits_clipping_gaps_and_equal_stamps_are_only_reported() -> None:
     assert sum(r.n for r in records.values()) == 401
 
 
+@pytest.mark.parametrize(("step", "said"), [(0.0, True), (0.5, True), (4.0, False)])
+def test_a_thermometer_that_stands_still_and_catches_up_is_told(step: float, said: bool) -> None:
+    """Whatever the display resolves; neither holds nor a display that is coarser than the pause are mistaken for it."""
+    columns = spring(rows=150)
+    shown = columns["temperature"] + np.random.default_rng(4).normal(0.0, 0.05, columns["temperature"].size)
+    shown = np.round(shown / step) * step if step else shown
+    _, findings = split(make_run(**{**columns, "temperature": shown}))
+    assert "stuck" not in kinds(findings)
+    shown[60 : 85 if said else 66] = shown[60]
+    _, findings = split(make_run(**{**columns, "temperature": shown}))
+    found = [f for f in findings if f.kind == "stuck"]
+    assert bool(found) is said
+    if said:
+        assert found[0].dropped == 0
+        assert found[0].rows[-1] - found[0].rows[0] == 4
+        assert set(found[0].rows) <= set(range(58, 70))
+        assert "declare that reading as `missing`" in found[0].message
+
+
 def test_no_transformation_is_said() -> None:
     columns = spring()
     columns["force"] = 3.0 + 0.05 * columns["temperature"]
