@@ -170,14 +170,19 @@ class RecordFit(Fit):
         MeasurementError
             If the record does not tell of the channel.
         SmaBayesError
-            If a temperature is not finite, or the probability not between 0 and 1.
+            If a temperature is no finite number, or the probability not between 0 and 1.
         """
         import pandas as pd
 
         self._require(channel)
-        at = np.atleast_1d(np.asarray(temperature, dtype=float))
+        at = _numbers(temperature)
         if at.ndim != 1 or not np.isfinite(at).all():
-            raise SmaBayesError(f"temperature {temperature!r}", expected="finite temperatures, shape (m,)")
+            unit = self.record.units["temperature"]
+            raise SmaBayesError(
+                f"temperature {temperature!r}",
+                expected=f"finite numbers in {unit}, one or a sequence of them",
+                remedy=f"give them without a unit; `ask` takes texts such as '60 {unit}'",
+            )
         if not 0.0 < probability <= 1.0:
             raise SmaBayesError(f"probability {probability}", expected="more than 0 and at most 1")
         curves = self.curves(self.index)
@@ -322,3 +327,11 @@ def shown_progress(progress: bool | Progress, total: int) -> Iterator[Progress]:
 def by_record(fits: Sequence[Fit]) -> Fits:
     """Fits of records by their keys; records that share a posterior each have their own view of it."""
     return Fits({r.key: RecordFit.of(fit, i) for fit in fits for i, r in enumerate(fit.records)})
+
+
+def _numbers(values: npt.ArrayLike) -> Floats:
+    """One number or a sequence as an array; NaN for what is none."""
+    try:
+        return np.atleast_1d(np.asarray(values, dtype=float))
+    except (TypeError, ValueError):
+        return np.array([np.nan])

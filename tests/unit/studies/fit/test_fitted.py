@@ -152,9 +152,11 @@ def test_pooled_records_have_views_of_their_own() -> None:
     assert pooled["2A-cooling"].ask(at="50 degC")["answers"][0]["key"] == "2A-cooling"
 
 
-@pytest.mark.parametrize("wrong", [np.nan, [[50.0]]])
+@pytest.mark.parametrize("wrong", [np.nan, [[50.0]], "60 degC", [[50.0], [60.0, 70.0]]])
 def test_temperatures_that_are_none(fits: sma_bayes.Fits, wrong: object) -> None:
-    with pytest.raises(SmaBayesError, match="temperature"):
+    with pytest.raises(
+        SmaBayesError, match=r"temperature .*\n.*finite numbers in degC.*\n.*`ask` takes texts"
+    ):
         fits["data-heating"].stiffness(wrong)  # type: ignore[arg-type]
 
 
