@@ -15,11 +15,13 @@ Options:
 --seed S         of the records and of all runs (default 0)
 --first K        number of the first record, to measure in parts (default 0)
 --quick          short references: errors of 0.05 sd and 2.5 % are theirs, and the limits are widened by them
+--numbers N ...  of the records, in place of --records and --first
 --out DIR        where `tails.csv` goes (default docs/data)
 
-It prints, as Markdown, how many converged records have a 2.5 or 97.5 % quantile off by more than 0.2 sd, a standard
-deviation off by more than 7 %, or ln Z off by more than three stated errors; each limit is widened by two standard
-errors of the reference. What is interrupted prints the table of what was measured so far.
+What has not converged has no reference: nothing is claimed of it. It prints, as Markdown, how many converged records
+have a 2.5 or 97.5 % quantile off by more than 0.2 sd, a standard deviation off by more than 7 %, or ln Z off by more
+than three stated errors; each limit is widened by two standard errors of the reference. What is interrupted prints
+the table of what was measured so far.
 """
 
 from __future__ import annotations
@@ -29,7 +31,7 @@ import csv
 import sys
 import time
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass, fields
+from dataclasses import asdict, dataclass, fields, replace
 from pathlib import Path
 
 import emcee
@@ -251,7 +253,7 @@ def reference(
 
 
 def measured(number: int, seed: int, length: Length) -> Row:
-    """Fit one record as shipped, and compare it with its reference."""
+    """Fit one record as shipped, and compare it with its reference; what has not converged is not compared."""
     record, curve, drawn_with, asked = record_of(number, seed)
     kind = model_of(number, record.channels)
     fit = fit_records([record], kind.default_priors(), model=kind(record.channels), noise=asked, seed=seed)
@@ -259,6 +261,33 @@ def measured(number: int, seed: int, length: Length) -> Row:
     draws, posterior = fit.draws, fit.posterior
     d = draws.z.shape[-1]
     z = draws.z.reshape(-1, d)
+    audit, unknown = draws.audit, float("nan")
+    row = Row(
+        number=number,
+        curve=curve.name,
+        channels="+".join(record.channels),
+        drawn_with=drawn_with,
+        asked=asked,
+        model=kind.name,
+        noise=posterior.noise.name,
+        n=record.n,
+        method=draws.method,
+        converged=draws.convergence.converged,
+        pareto_k=unknown if audit is None else audit.pareto_k,
+        outside=unknown if audit is None else audit.outside,
+        quantile_off=unknown,
+        at="",
+        beyond=unknown,
+        sd_off=unknown,
+        ln_z_off=unknown,
+        ln_z_sd=draws.ln_evidence_sd,
+        reference_reached=False,
+        reference_error=unknown,
+        sample_s=sample_s,
+        reference_s=0.0,
+    )
+    if not row.converged:
+        return row
     start = time.process_time()
     chains, reached, error = reference(posterior, z, length, np.random.SeedSequence([seed, number, 1]))
     other = chains.reshape(-1, d)
@@ -272,29 +301,15 @@ def measured(number: int, seed: int, length: Length) -> Row:
     end = np.quantile(z[:, parameter], QUANTILES[side])
     below = float(np.mean(other[:, parameter] <= end))
     ln_z = abs(draws.ln_evidence - bridge.value) / np.hypot(draws.ln_evidence_sd, bridge.sd)
-    audit = draws.audit
-    return Row(
-        number=number,
-        curve=curve.name,
-        channels="+".join(record.channels),
-        drawn_with=drawn_with,
-        asked=asked,
-        model=kind.name,
-        noise=posterior.noise.name,
-        n=record.n,
-        method=draws.method,
-        converged=draws.convergence.converged,
-        pareto_k=np.nan if audit is None else audit.pareto_k,
-        outside=np.nan if audit is None else audit.outside,
+    return replace(
+        row,
         quantile_off=float(np.abs(off).max()),
         at=f"{posterior.names[parameter]} {100 * QUANTILES[side]:g} %",
         beyond=below if side == 0 else 1.0 - below,
         sd_off=float(np.abs(z.std(axis=0) / sd - 1.0).max()),
         ln_z_off=float(ln_z),
-        ln_z_sd=draws.ln_evidence_sd,
         reference_reached=reached,
         reference_error=error,
-        sample_s=sample_s,
         reference_s=time.process_time() - start,
     )
 
@@ -322,11 +337,13 @@ def table(rows: Sequence[Row], slack: float) -> str:
 
 
 def _tell(row: Row) -> None:
-    print(
-        f"{row.number} {row.curve}, {row.channels}, {row.model}, {row.noise}: {row.method}, "
+    found = "not converged" if not row.converged else (
         f"off {row.quantile_off:.3f} sd ({row.at}, {100 * row.beyond:.1f} % beyond), "
-        f"sd {100 * row.sd_off:.1f} %, ln Z {row.ln_z_off:.1f}; "
-        f"reference {row.reference_error:.3f}; {row.sample_s:.2f} s, {row.reference_s:.1f} s",
+        f"sd {100 * row.sd_off:.1f} %, ln Z {row.ln_z_off:.1f}; reference {row.reference_error:.3f}"
+    )  # fmt: skip
+    print(
+        f"{row.number} {row.curve}, {row.channels}, {row.model}, {row.noise}: {row.method}, {found}; "
+        f"{row.sample_s:.2f} s, {row.reference_s:.1f} s",
         file=sys.stderr,
         flush=True,
     )
@@ -339,10 +356,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--seed", type=int, default=0, help="of the records and of all runs")
     parser.add_argument("--first", type=int, default=0, help="number of the first record")
     parser.add_argument("--quick", action="store_true", help="short references")
+    parser.add_argument(
+        "--numbers", type=int, nargs="+", help="of the records, in place of --records and --first"
+    )
     parser.add_argument("--out", type=Path, default=Path("docs/data"), help="folder of tails.csv")
     options = parser.parse_args(arguments)
-    if options.records < 1 or options.first < 0 or options.seed < 0:
-        parser.error("--records must be at least 1, --first and --seed at least 0")
+    numbers = options.numbers or range(options.first, options.first + options.records)
+    if options.records < 1 or min([options.first, options.seed, *numbers]) < 0:
+        parser.error("--records must be at least 1, --first, --seed and --numbers at least 0")
     length = QUICK if options.quick else LONG
     rows: list[Row] = []
     options.out.mkdir(parents=True, exist_ok=True)
@@ -353,7 +374,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         writer = csv.DictWriter(file, [f.name for f in fields(Row)])
         writer.writeheader()
         try:
-            for number in range(options.first, options.first + options.records):
+            for number in numbers:
                 rows.append(measured(number, options.seed, length))
                 writer.writerow(asdict(rows[-1]))
                 file.flush()
