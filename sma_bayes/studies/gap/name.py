@@ -296,6 +296,12 @@ class Candidate:
         return self.beside.beyond_shape if apart and self.beside is not None else self.ln_bayes_factor
 
     @property
+    def left_by_form(self) -> float:
+        """Log Bayes factor of the best flexible term on top of it, which its law leaves; beside a free shape if so."""
+        found = self.beside
+        return 0.0 if found is None or found.remainder is None else worth_of(found.remainder)
+
+    @property
     def carries_nearly_all(self) -> bool:
         """Whether it carries `LEAST_SHARE_IN_OWN_NOISE` of what it and a flexible term explain, the shape being one."""
         found = self.beside

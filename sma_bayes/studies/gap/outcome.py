@@ -266,10 +266,7 @@ def judgement(study: GapStudy, candidate: Candidate) -> tuple[Status, str]:
         return _judgement_of_added(study, candidate)
     for leader, members in study.classes.items():
         if name in members:
-            return (
-                "rejected",
-                f"these data cannot tell it from {leader}, within {LN_BAYES_FACTOR_TOLD_APART:g} of ln Bayes factor",
-            )
+            return "rejected", f"these data cannot tell it from {leader}, {_why_alike(study, leader, name)}"
     if study.p_value > SIGNIFICANT_P:
         return "rejected", f"there is no disagreement to explain (p = {study.p_value:.2g})"
     if candidate.fitted is None:
@@ -297,6 +294,20 @@ def judgement(study: GapStudy, candidate: Candidate) -> tuple[Status, str]:
             f"{candidate.ln_bayes_factor:.1f}){_beyond_text(candidate)}; --model offers richer ones"
         )
     return "rejected", "another effect explains more, and once that is added this one is not needed"
+
+
+def _why_alike(study: GapStudy, leader: str, rival: str) -> str:
+    """Why an effect is in the class of another."""
+    _, step, chosen = added(study)[leader]
+    less = chosen.evidence_like(chosen) - next(
+        c.evidence_like(chosen) for c in step.candidates if c.effect.id == rival
+    )
+    if less <= LN_BAYES_FACTOR_TOLD_APART:
+        return f"within {LN_BAYES_FACTOR_TOLD_APART:g} of ln Bayes factor"
+    return (
+        f"which explains more by a ln Bayes factor of {less:.0f} but leaves {chosen.left_by_form:.0f} to functions "
+        "without a mechanism: neither law is quite what was measured"
+    )
 
 
 def _beside_text(study: GapStudy, candidate: Candidate) -> str:

@@ -513,11 +513,20 @@ def is_worthy(candidate: Candidate) -> bool:
 
 def _like(best: Candidate, fitted: Sequence[Candidate]) -> tuple[str, ...]:
     """Names of the effects that the data can't tell from one, itself first."""
-    rivals = [c for c in fitted if c is not best and c.plausible and not members_of(c.effect)]
-    near = [
-        c for c in rivals if c.evidence_like(best) >= best.evidence_like(best) - LN_BAYES_FACTOR_TOLD_APART
-    ]
-    return (best.effect.id, *(c.effect.id for c in near))
+    return (best.effect.id, *(c.effect.id for c in fitted if c is not best and are_alike(best, c)))
+
+
+def are_alike(best: Candidate, rival: Candidate) -> bool:
+    """Whether the data can't tell a rival from the effect that explains most.
+
+    Within `LN_BAYES_FACTOR_TOLD_APART` they can't. A law that leaves something to flexible terms is not quite that of
+    the rig, nor need the right one be: where the rival would have a name by itself, it is told apart only if it
+    explains less by more than that.
+    """
+    if members_of(rival.effect) or not rival.plausible:
+        return False
+    less = best.evidence_like(best) - rival.evidence_like(best)
+    return less <= LN_BAYES_FACTOR_TOLD_APART or (less <= best.left_by_form and is_worthy(rival))
 
 
 def several_rounds(

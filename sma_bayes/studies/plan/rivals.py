@@ -64,12 +64,15 @@ class RivalExplanations:
         return a.ln_evidence - b.ln_evidence
 
     def told_apart(self, pair: tuple[int, int]) -> bool:
-        """Whether the measurements there are tell a pair apart."""
-        return abs(self.ln_bayes_factor(*pair)) >= THRESHOLD
+        """Whether the measurements there are tell a pair apart, which they don't within a class of the gap study."""
+        names = {self.explanations[i].name for i in pair}
+        alike = any(names <= set(e.class_) for e in self.found.added)
+        return not alike and abs(self.ln_bayes_factor(*pair)) >= THRESHOLD
 
     def known(self, pair: tuple[int, int]) -> float:
-        """Ln Bayes factor that new measurements add to: none where a pair is told apart, which is to be told anew."""
-        return 0.0 if self.told_apart(pair) else self.ln_bayes_factor(*pair)
+        """Ln Bayes factor that new measurements add to: none beyond the threshold, which is to be reached anew."""
+        known = self.ln_bayes_factor(*pair)
+        return 0.0 if abs(known) >= THRESHOLD else known
 
 
 def read_gap(folder: Path, data: Path | None = None) -> tuple[GapDocument, Campaign]:

@@ -14,6 +14,7 @@ from sma_bayes.records.history import History, histories
 from sma_bayes.records.types import Branch, Campaign, Condition, Record
 from sma_bayes.simulated.rig import DEFAULT_RIG, GRAVITY, Setup, logged, ramp
 from sma_bayes.studies.gap.fitting import fit_hypothesis, fit_with_noise
+from sma_bayes.studies.gap.flexible import Term, TermWorth
 from sma_bayes.studies.gap.hypothesis import baseline
 from sma_bayes.studies.gap.name import (
     LEAST_SHARE_BESIDE_FLEXIBLE,
@@ -32,6 +33,7 @@ from sma_bayes.studies.gap.study import (
     _beside_the_others,
     _may_be_left_by_form,
     _preferred,
+    are_alike,
     baseline_start,
     beside_the_others,
     heat_balance,
@@ -262,6 +264,31 @@ def test_what_explains_more_beside_a_free_shape_is_preferred_where_the_shape_is_
 
     creep, drift = found("hot_creep", 377.0, 345.0), found("training_drift", 356.0, 345.0 + more)
     assert _preferred([creep, drift]) is (drift if apart and more > LN_BAYES_FACTOR_TOLD_APART else creep)
+
+
+@pytest.mark.parametrize(
+    ("less", "carried", "alike"),
+    [(2.9, 0.5, True), (3.1, 0.5, False), (49.0, 0.9, True), (51.0, 0.9, False), (49.0, 0.84, False)],
+)
+def test_a_law_that_leaves_something_is_not_told_from_one_that_leaves_as_little_more(
+    less: float, carried: float, alike: bool
+) -> None:
+    """Creep leaves 50 to a function of the time; a drift that explains less by less than that may be the cause."""
+    remainder = TermWorth(Term("time", "force", np.zeros((1, 1))), 50.0)
+    creep = Candidate(
+        EFFECTS["hot_creep"],
+        None,
+        400.0,
+        500.0,
+        beside=EvidenceBeside(9.0, 0.9, remainder, 50.0, False, 400.0),
+    )
+    drift = Candidate(
+        EFFECTS["training_drift"], None, 400.0 - less, 500.0,
+        beside=EvidenceBeside(9.0, carried, None, 50.0, False, 400.0),
+    )  # fmt: skip
+    assert are_alike(creep, drift) is alike
+    free = replace(drift, effect=EFFECTS["cycle_offset"])
+    assert not are_alike(creep, free)
 
 
 def test_what_a_later_effect_makes_needless_goes(rig) -> None:
