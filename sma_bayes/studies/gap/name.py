@@ -295,11 +295,17 @@ class Candidate:
         apart = other.beside is not None and other.beside.shape_apart
         return self.beside.beyond_shape if apart and self.beside is not None else self.ln_bayes_factor
 
-    @property
-    def left_by_form(self) -> float:
-        """Log Bayes factor of the best flexible term on top of it, which its law leaves; beside a free shape if so."""
-        found = self.beside
-        return 0.0 if found is None or found.remainder is None else worth_of(found.remainder)
+    def odds_by_form(self, less: float) -> float:
+        """Log odds for its law over one that explains less, were both errors of form.
+
+        A flexible term of k columns on top of the law explains R, the log of a Bayes factor, and R + `less` on top of
+        the other. If errors of form have k independent normal parts of a size that nobody knows, the odds of two with
+        these squared lengths are ``(1 + less/R)**(k/2)``; infinite where nothing is left.
+        """
+        left = None if self.beside is None else self.beside.remainder
+        if left is None or worth_of(left) == 0.0:
+            return np.inf if less > 0.0 else 0.0
+        return 0.5 * left.term.columns.shape[1] * float(np.log1p(max(less, 0.0) / left.ln_bayes_factor))
 
     @property
     def carries_nearly_all(self) -> bool:

@@ -305,8 +305,8 @@ def _why_alike(study: GapStudy, leader: str, rival: str) -> str:
     if less <= LN_BAYES_FACTOR_TOLD_APART:
         return f"within {LN_BAYES_FACTOR_TOLD_APART:g} of ln Bayes factor"
     return (
-        f"which explains more by a ln Bayes factor of {less:.0f} but leaves {chosen.left_by_form:.0f} to functions "
-        "without a mechanism: neither law is quite what was measured"
+        f"which explains more by a ln Bayes factor of {less:.0f}, but neither law is quite what was measured: by what "
+        f"both leave to functions without a mechanism the log odds are {chosen.odds_by_form(less):.1f}"
     )
 
 

@@ -299,8 +299,8 @@ class GapThresholds(DocumentPart):
     )
     ln_bayes_factor: Number = Field(description="least ln Bayes factor with which an effect is added [1]")
     ln_bayes_factor_apart: Number = Field(
-        description="least ln Bayes factor by which two effects are told apart; what the better one leaves to flexible "
-        "terms, where that is more and the other would have a name by itself [1]"
+        description="least ln Bayes factor by which two effects are told apart; and by what both leave to flexible "
+        "terms, where the lesser one would have a name by itself [1]"
     )
     unexplained_share: Number = Field(
         description="greatest unexplained share with which what was added is named as the cause [1]"

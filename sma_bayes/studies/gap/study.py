@@ -520,13 +520,15 @@ def are_alike(best: Candidate, rival: Candidate) -> bool:
     """Whether the data can't tell a rival from the effect that explains most.
 
     Within `LN_BAYES_FACTOR_TOLD_APART` they can't. A law that leaves something to flexible terms is not quite that of
-    the rig, nor need the right one be: where the rival would have a name by itself, it is told apart only if it
-    explains less by more than that.
+    the rig, nor need the right one be: a rival that would have a name by itself is told apart only if what it leaves is
+    so much more that the odds by that reach the same threshold (`Candidate.odds_by_form`).
     """
     if members_of(rival.effect) or not rival.plausible:
         return False
     less = best.evidence_like(best) - rival.evidence_like(best)
-    return less <= LN_BAYES_FACTOR_TOLD_APART or (less <= best.left_by_form and is_worthy(rival))
+    return less <= LN_BAYES_FACTOR_TOLD_APART or (
+        best.odds_by_form(less) <= LN_BAYES_FACTOR_TOLD_APART and is_worthy(rival)
+    )
 
 
 def several_rounds(
