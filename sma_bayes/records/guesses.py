@@ -191,7 +191,7 @@ def guess_named(
     values : mapping of int to ndarray
         Columns of numbers, by their position.
     clocks : collection of int
-        Columns of clock times.
+        Columns of clock times; one of them is the time where no header says so, be it called ``Date``.
     with_units : sequence of str
         The same names with the units that stand in another line, where there is one.
     """
@@ -206,6 +206,10 @@ def guess_named(
         other = found.get(guess.quantity)
         if other is None or _rank(header, guess.quantity) < _rank(names[other[0]], guess.quantity):
             found[guess.quantity] = (i, guess)
+    if "time" not in found and (
+        unknown := [i for i in sorted(clocks) if names[i] and guess_header(names[i]) is None]
+    ):
+        found["time"] = (unknown[0], Guess("time", "", ("clock times",)))
     sure = {q: (i, _with_unit(g, values[i]) if i in values else g) for q, (i, g) in found.items()}
     taken = {i for i, _ in sure.values()}
     return Guesses(sure, tuple(i for i in range(len(names)) if i not in taken))

@@ -156,6 +156,25 @@ def test_heating_and_cooling_in_files_of_their_own_are_one_condition(
     assert {"heating", "cooling"} == {r["branch"] for r in records if r["condition"] == name}
 
 
+@pytest.mark.parametrize(
+    ("beside", "time"), [("sample no", "Date"), ("elapsed time (s)", "elapsed time (s)")]
+)
+def test_a_clock_is_the_time_whatever_it_is_called_where_no_other_column_is(
+    run: Callable[..., Any], make_sweep: Any, tmp_path: Path, beside: str, time: str
+) -> None:
+    head, *rows = make_sweep()
+    assert head.startswith("time_s,")
+    clocks = [f"01.05.2024 09:{k // 60:02d}:{k % 60:02d}" for k in range(len(rows))]
+    lines = [
+        ",".join(("Date", head.replace("time_s", beside))),
+        *map(",".join, zip(clocks, rows, strict=True)),
+    ]
+    (tmp_path / "1A.csv").write_text("\n".join(lines) + "\n", encoding="utf-8")
+    run("init", tmp_path)
+    column = declared(tmp_path / "campaign.toml")["columns"]["time"]
+    assert column == {"name": time} | ({} if time == "Date" else {"unit": "s"})
+
+
 def test_commands_that_are_shown_can_be_copied_where_a_path_has_blanks(
     run: Callable[..., Any], make_sweep: Any, tmp_path: Path
 ) -> None:
