@@ -305,7 +305,7 @@ class Candidate:
         left = None if self.beside is None else self.beside.remainder
         if left is None or worth_of(left) == 0.0:
             return np.inf if less > 0.0 else 0.0
-        return 0.5 * left.term.columns.shape[1] * float(np.log1p(max(less, 0.0) / left.ln_bayes_factor))
+        return float(0.5 * left.term.columns.shape[1] * np.log1p(max(less, 0.0) / left.ln_bayes_factor))
 
     @property
     def carries_nearly_all(self) -> bool:
