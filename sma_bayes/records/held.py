@@ -130,19 +130,17 @@ def course(temperature: Floats, values: Floats) -> Course:
     return Course(1.0 - left[0] / total, 1.0 - left[1] / total, float(best[-1] - best[0]), low, high)
 
 
-def _spiked(run: Run, channel: str) -> Mask:
-    """Rows in which a channel jumps away from its neighbours and back: one of them would outweigh a whole sweep."""
-    there = np.flatnonzero(np.isfinite(run.columns[channel]) & np.isfinite(run.columns["temperature"]))
-    spiked = np.zeros(run.n, dtype=bool)
-    spiked[there] = spikes(
+def _steady(run: Run, channel: str) -> Mask:
+    """Rows in which a channel has a value that does not jump away from its neighbours and back.
+
+    One such spike would outweigh a whole sweep.
+    """
+    steady = np.isfinite(run.columns[channel])
+    there = np.flatnonzero(steady & np.isfinite(run.columns["temperature"]))
+    steady[there] = ~spikes(
         run.columns[channel][there], CHANNEL_WINDOW, against=run.columns["temperature"][there]
     )
-    return spiked
-
-
-def _steady(run: Run, channel: str) -> Mask:
-    """Rows in which a channel has a value that is no spike."""
-    return np.isfinite(run.columns[channel]) & ~_spiked(run, channel)
+    return steady
 
 
 def courses(run: Run, legs: Sequence[Leg], channel: str) -> dict[Branch, Course]:
@@ -156,11 +154,16 @@ def courses(run: Run, legs: Sequence[Leg], channel: str) -> dict[Branch, Course]
     dict of Branch to Course
         Branches with at least four rows.
     """
+    return _courses(run, legs, channel, _steady(run, channel))
+
+
+def _courses(run: Run, legs: Sequence[Leg], channel: str, steady: Mask) -> dict[Branch, Course]:
+    """The same, where it is known which rows are steady."""
     inner = list(legs)
     if inner:
         inner[0] = _without(inner[0], head=inner[0].rows.size // 10)
         inner[-1] = _without(inner[-1], tail=legs[-1].rows.size // 10)
-    found, steady = {}, _steady(run, channel)
+    found = {}
     for branch in Branch:
         rows = rows_of(inner, branch)
         rows = rows[steady[rows]]
@@ -214,8 +217,9 @@ def choose_channels(
                 f"{ledger.quantity(channel)} is missing in {1.0 - share:.0%} of the rows and is not fitted"
             )
             ledger.note(rows[:0], "sparse-channel", message, column=channel)
-    along = {c: courses(run, legs, c) for c in filled}
-    mean = {c: float(run.columns[c][rows[_steady(run, c)[rows]]].mean()) for c in filled}
+    steady = {c: _steady(run, c) for c in filled}
+    along = {c: _courses(run, legs, c, steady[c]) for c in filled}
+    mean = {c: float(run.columns[c][rows[steady[c][rows]]].mean()) for c in filled}
     fitted = tuple(c for c in filled if responds(c, along[c], mean[c], min_change))
     if fitted or not filled:
         return fitted
@@ -257,9 +261,10 @@ def note_held(ledger: Ledger, legs: Sequence[Leg], channel: str, *, told: bool, 
     """
     run, rows = ledger.run, rows_of(legs)
     name = ledger.quantity(channel)
-    mean = float(run.columns[channel][rows[_steady(run, channel)[rows]]].mean())
-    along = courses(run, legs, channel)
-    spike = rows[_spiked(run, channel)[rows]]
+    steady = _steady(run, channel)
+    mean = float(run.columns[channel][rows[steady[rows]]].mean())
+    along = _courses(run, legs, channel, steady)
+    spike = rows[np.isfinite(run.columns[channel][rows]) & ~steady[rows]]
     if spike.size:
         message = f"{name} jumps away from its neighbours and back; these readings are left out of its mean"
         ledger.note(spike, "spike", message, column=channel)

@@ -413,10 +413,8 @@ class _Run:
         group = _Ensemble(self, name, adapted, seed, None, more, copies=plan.groups)
         let_pass = plan.greatest_weight
         but_sd, passed = replace(plan.target, sd_error=math.inf), False
-        asked, reached = (
-            0,
-            0,
-        )  # steps that an audit asks for, and after which all but standard deviations are told
+        asked = 0  # steps that an audit asks for
+        reached = 0  # steps after which all but standard deviations are told
         # a great weight, or few that count, call for an audit at once; after one that is passed they go on
         most = MAX_INDEPENDENCE_STEPS
         while group.length < max(most, asked) and not (group.length and self.spent):
