@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -96,3 +97,17 @@ _pair(Figure().add_subplot(), *x, (-3, 3), (-3, 3), about, about)
         check=False,
     )
     assert (ran.returncode, ran.stderr) == (0, "")
+
+
+def test_tests_and_scripts_come_through_the_door() -> None:
+    """Two test workers that import arviz 0.23 by itself on the first run of a day get in each other's way."""
+    root = Path(__file__).resolve().parents[2]
+    directly = re.compile(r"^\s*(?:import|from) arviz\b", re.MULTILINE)
+    by_hand = {"benchmark_end_to_end.py"}  # what users write themselves
+    found = {
+        path.name
+        for folder in ("tests", "scripts")
+        for path in (root / folder).rglob("*.py")
+        if directly.search(path.read_text(encoding="utf-8"))
+    }
+    assert found == by_hand

@@ -7,11 +7,10 @@ import warnings
 import numpy as np
 import pytest
 
+from sma_bayes.arviz_bridge import arviz
 from sma_bayes.sampling.convergence import Target, assess
 
-with warnings.catch_warnings():
-    warnings.simplefilter("ignore")
-    import arviz as az
+az = arviz()
 
 
 def series(chains: int, n: int, memory: float, seed: int, apart: float = 0.0) -> np.ndarray:
