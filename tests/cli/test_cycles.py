@@ -246,6 +246,7 @@ def test_two_cycles_tell_numbers_and_no_law(
     assert not one["law"]["testable"]
     assert one["law"]["chosen"] == "none"
     assert one["law"]["reason"].startswith("not testable: 2 cycles")
+    assert one["stable"]["statement"].endswith("; 2 cycles don't tell by what law it goes on")
     assert one["held_out"] == []
     assert any("extrapolation" in r for r in one["remarks"])
 

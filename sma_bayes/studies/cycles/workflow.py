@@ -343,6 +343,8 @@ def _stable(pooled: Pooled, share: float, wanted: float) -> Stability:
         )
         if first > pooled.last:
             told += f", which is a forecast: the last measured cycle is {pooled.last:.0f}"
+    if not pooled.posterior.testable:
+        told += f"; {measured_cycles(pooled.strands).size} cycles don't tell by what law it goes on"
     return Stability(
         from_cycle=first,
         cycles=numbers.tolist(),
