@@ -31,7 +31,7 @@ from scipy.interpolate import CubicSpline
 from scipy.linalg import eigh
 
 from sma_bayes.arrays import Floats
-from sma_bayes.fitting.sweep_functions import SweepFunctions, seen
+from sma_bayes.fitting.sweep_functions import SweepFunctions, seen_changes
 from sma_bayes.parameters.space import QUANTITY, ParameterSpec
 
 EIGENFUNCTIONS = 30
@@ -44,6 +44,9 @@ NODES = 161
 NEGLIGIBLE_POWER = 1e-12
 """Power of a basis function at the samples, over that of the greatest, from which it is rounding: not orthogonal to
 others, it would explain more than there is to be explained wherever a noise is small enough."""
+GREATEST_BETWEEN_SAMPLES = 10.0
+"""Root mean square of a discrepancy over the range of temperature, over that at the samples, beyond which there is
+none: where a curve takes nearly all that a few places tell, the rest says nothing of what lies between them."""
 MEDIAN_SIZE, SIGMA_OF_SIZE = 0.01, 1.5
 """Median of the size of a discrepancy a priori, over the span of its curve, and standard deviation of its logarithm."""
 
@@ -200,7 +203,7 @@ def build_basis(
     Returns
     -------
     DiscrepancyBasis or None
-        None where there are too few samples beyond those that the parameters need.
+        None where there are too few samples beyond those that the parameters need, or too few places of them.
     """
     room = np.unique(temperature).size - tangents.shape[1]
     m = min(functions, room // 2)  # as many samples again tell the noise apart from what is smooth
@@ -211,21 +214,20 @@ def build_basis(
         _passed(curve) if with_response else _coordinate(nodes, curve)
     )
     at_samples = np.asarray(CubicSpline(nodes, raw, bc_type="natural")(temperature))
-    scale = np.abs(tangents).max(axis=0)
-    usable = seen(tangents, tangents_at_nodes)
-    q = tangents[:, usable] / scale[usable]
-    mix = np.linalg.lstsq(q, at_samples, rcond=1e-10)[0]
-    rows = (at_samples - q @ mix).T
-    functions_at_nodes = raw - (tangents_at_nodes[:, usable] / scale[usable]) @ mix
+    seen = seen_changes(temperature, nodes, tangents, tangents_at_nodes)
+    mix = np.linalg.lstsq(seen.at_samples, at_samples, rcond=1e-10)[0]
+    rows = (at_samples - seen.at_samples @ mix).T
+    functions_at_nodes = raw - seen.at_nodes @ mix
     power, axes = np.linalg.eigh(rows @ rows.T)
     axes = axes[:, ::-1][:, :m]
     total = float(power[::-1][:m].sum())
     if not total > 1e-12 * float(np.sum(at_samples**2)):
         return None
     root = np.sqrt(temperature.size / total)
-    return DiscrepancyBasis(
-        nodes, functions_at_nodes @ axes * root, turned(rows, axes, power[::-1][:m]) * root
-    )
+    values = functions_at_nodes @ axes * root
+    if np.sum(values**2) > GREATEST_BETWEEN_SAMPLES**2 * nodes.size:
+        return None
+    return DiscrepancyBasis(nodes, values, turned(rows, axes, power[::-1][:m]) * root)
 
 
 def turned(rows: Floats, axes: Floats, power: Floats) -> Floats:

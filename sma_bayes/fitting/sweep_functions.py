@@ -18,20 +18,21 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy.interpolate import CubicSpline
 
-from sma_bayes.arrays import Bools, Floats, Ints
+from sma_bayes.arrays import Floats, Ints
 
 MAX_SWEEPS = 48
 """Sweeps of a record, at most, that may have something of their own."""
 NEGLIGIBLE_SENSITIVITY = 1e-6
 """Part of the greatest of what parameters do to the samples that is rounding."""
 LEAST_SEEN_SHARE = 0.1
-"""Share of the greatest change that a parameter makes anywhere which samples have to see, for it to count. A transition
-between two readings is no place that they tell anything of; functions that are scaled by what readings see of it would
-be as many times too large between them."""
+"""Root mean square that a change of the curve has where samples are, over that which it has anywhere, from which they
+see it. A transition between two readings is no place that they tell anything of; functions that are scaled by what
+readings see of it would be as many times too large between them."""
 PRIOR_SWEEPS = 3
 """Sweeps of the one size that count as seen a priori. Beside two measured ones a new one, or the mean of all, then has
 four degrees of freedom, beside three five: variances that are finite, and can be estimated from draws."""
@@ -85,17 +86,14 @@ class SweepFunctions:
         """
         if not 2 <= int(sweeps_of(inputs).max(initial=0)) + 1 <= MAX_SWEEPS:
             return None
-        scale = np.abs(tangents).max(axis=0)
-        usable = seen(tangents, tangents_at_nodes)
-        _, singular, axes = np.linalg.svd(tangents[:, usable] / scale[usable], full_matrices=False)
+        seen = seen_changes(inputs["temperature"], nodes, tangents, tangents_at_nodes)
+        _, singular, axes = np.linalg.svd(seen.at_samples, full_matrices=False)
         kept = singular > NEGLIGIBLE_SENSITIVITY * singular.max(initial=0.0)
         if not kept.any():
             return None
         turned_by = axes[kept].T / singular[kept] * np.sqrt(len(tangents) / kept.sum())
-        change = np.zeros((tangents.shape[1], int(kept.sum())))
-        change[usable] = turned_by / scale[usable, None]
-        found = SweepFunctions.tabulated(nodes, tangents_at_nodes[:, usable] @ change[usable], inputs)
-        return replace(found, change=change)
+        found = SweepFunctions.tabulated(nodes, seen.at_nodes @ turned_by, inputs)
+        return replace(found, change=seen.change @ turned_by)
 
     @staticmethod
     def tabulated(nodes: Floats, values: Floats, inputs: Mapping[str, Floats]) -> SweepFunctions:
@@ -190,17 +188,59 @@ def _apart(weights: Floats) -> Floats:
     return np.asarray(weights - weights.mean(axis=1, keepdims=True))
 
 
-def seen(tangents: Floats, tangents_at_nodes: Floats) -> Bools:
-    """Which parameters change the response where it was measured, shape (p,); see `LEAST_SEEN_SHARE`.
+class SeenChanges(NamedTuple):
+    """Changes of the parameters of a curve that the samples see, and what each does to the curve.
+
+    Attributes
+    ----------
+    change : ndarray, shape (p, k)
+        Of the parameters, each in units in which the greatest derivative is one; zero for those whose derivatives
+        overflow. All parameters where samples see all; orthogonal to what they don't see.
+    at_samples, at_nodes : ndarray, shape (n, k) and (G, k)
+        What they do.
+    """
+
+    change: Floats
+    at_samples: Floats
+    at_nodes: Floats
+
+
+def seen_changes(
+    temperature: Floats, nodes: Floats, tangents: Floats, tangents_at_nodes: Floats
+) -> SeenChanges:
+    """Changes of the parameters of a curve that are seen where it was measured; see `LEAST_SEEN_SHARE`.
+
+    Each parameter by itself may be seen where a change of several is not: one reading in a transition tells of midpoint
+    and rate together, and nothing of what turns the curve about that reading. Of samples that are nearest to the same
+    node one counts, so that thousands on a plateau do not outweigh the few in a transition.
 
     Parameters
     ----------
+    temperature : ndarray, shape (n,)
+        Of the samples.
+    nodes : ndarray, shape (G,)
+        Temperatures, ascending, over the range of the samples.
     tangents, tangents_at_nodes : ndarray, shape (n, p) and (G, p)
         Derivatives of the response with respect to the parameters, at samples and nodes.
     """
-    here, anywhere = np.abs(tangents).max(axis=0), np.abs(tangents_at_nodes).max(axis=0)
-    return np.asarray(
-        np.isfinite(here) & np.isfinite(anywhere) & (here > 0.0) & (here > LEAST_SEEN_SHARE * anywhere)
+    greatest = np.abs(tangents_at_nodes).max(axis=0)
+    usable = np.isfinite(tangents).all(axis=0) & np.isfinite(greatest) & (greatest > 0.0)
+    scale = greatest[usable]
+    _, sizes, axes = np.linalg.svd(tangents_at_nodes[:, usable] / scale, full_matrices=False)
+    told_apart = sizes > NEGLIGIBLE_SENSITIVITY * sizes.max(initial=0.0)
+    of_size_one = axes[told_apart].T / sizes[told_apart] * np.sqrt(nodes.size)
+    middles = 0.5 * (nodes[1:] + nodes[:-1])
+    one_of_each = np.unique(np.searchsorted(middles, temperature), return_index=True)[1]
+    here = (tangents[one_of_each][:, usable] / scale) @ of_size_one / np.sqrt(one_of_each.size)
+    _, shares, turned_by = np.linalg.svd(here)
+    seen = np.zeros(len(turned_by), dtype=bool)
+    seen[: shares.size] = shares > LEAST_SEEN_SHARE
+    unseen = np.concatenate([of_size_one @ turned_by[~seen].T, axes[~told_apart].T], axis=1)
+    others = np.linalg.svd(unseen.T)[2][unseen.shape[1] :].T
+    change = np.zeros((usable.size, others.shape[1]))
+    change[usable] = others / scale[:, None]
+    return SeenChanges(
+        change, tangents[:, usable] @ change[usable], tangents_at_nodes[:, usable] @ change[usable]
     )
 
 

@@ -328,6 +328,30 @@ def test_basis_stays_of_its_size_where_the_transition_lies_between_two_readings(
     np.testing.assert_allclose(read_back.rows, basis.rows, atol=0.02)
 
 
+@pytest.mark.parametrize("midpoint", [42.5, 43.0, 43.5])
+@pytest.mark.parametrize("repeats", [1, 200])
+def test_basis_stays_of_its_size_where_one_reading_lies_in_the_transition(
+    midpoint: float, repeats: int
+) -> None:
+    """It tells of midpoint and rate together: functions must not be kept off what turns the curve about it."""
+    apart = np.concatenate([[26.3, 26.4], [43.0], np.linspace(49.0, 56.0, 15)])
+    temperature, theta = np.repeat(apart, repeats), np.array([2.5, 2.0, midpoint, 0.5])
+    temperature = temperature + 1e-3 * np.random.default_rng(3).standard_normal(temperature.size)
+    basis = basis_for(temperature, theta=theta)
+    assert basis is not None
+    size = np.sqrt(np.mean(np.sum(basis.rows**2, axis=0)))
+    assert np.sqrt(np.sum(basis.values**2, axis=1)).max() < 10.0 * size
+
+
+@pytest.mark.parametrize("rate", [0.3, 0.5, 2.0])
+@pytest.mark.parametrize("between", [[], [40.0, 42.0, 44.0, 46.0]])
+def test_two_plateaus_alone_tell_of_no_discrepancy_between_them(between: list[float], rate: float) -> None:
+    """The curve takes nearly all that they tell; what is left would be a hundred times as large between them."""
+    temperature = np.concatenate([np.linspace(26.4, 26.7, 11), between, np.linspace(56.9, 58.0, 7)])
+    basis = basis_for(temperature, theta=np.array([2.5, rate, 42.5, 0.5]))
+    assert (basis is not None) == bool(between)
+
+
 def test_information_that_rounding_leaves_indefinite_is_not_usable() -> None:
     """Thousands of nearly noiseless samples: of 1e13 along one direction, rounding may take 2 from another."""
     turn = np.linalg.qr(np.random.default_rng(1).standard_normal((4, 4)))[0]
