@@ -455,11 +455,20 @@ def _understood(
     missing = [q for q in WANTED if not any(k is not None and k[0] == q for k in known)]
     if missing and not alone:
         return None
+    if not any(names):
+        raise MeasurementError(
+            "its columns have no names",
+            file=path,
+            expected=f"a line of names above the numbers, such as {EXAMPLES['temperature']} and "
+            f"{EXAMPLES['storage_modulus']}",
+            remedy="write a line of names with units above the numbers, such as "
+            "'Temperature (°C),Storage modulus (MPa)', with the separator of the file",
+        )
     for quantity, name in options.columns.items():
         said = f"--column {quantity}={name}: there is no such column"
         require_known(name, [n for n in names if n], said, MeasurementError, file=path)
     if missing:
-        shown = ", ".join(repr(n) for n in names if n) or "none"
+        shown = ", ".join(repr(n) for n in names if n)
         raise MeasurementError(
             f"no column of {missing[0].replace('_', ' ')} among {shown}",
             file=path,

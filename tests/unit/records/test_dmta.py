@@ -306,6 +306,15 @@ def test_what_is_missing_is_named(tmp_path: Path, lines: list[str], told: str) -
     assert told in str(error.value)
 
 
+@pytest.mark.parametrize("columns", [{}, {"temperature": "1"}])
+def test_columns_without_names_are_told_as_such(tmp_path: Path, columns: dict[str, str]) -> None:
+    path = write(tmp_path / "bare.csv", rows(ident, in_mpa(storage)))
+    with pytest.raises(MeasurementError, match="its columns have no names") as error:
+        read_dmta([path], DmtaOptions(columns))
+    assert "--column" not in str(error.value)
+    assert "write a line of names with units above the numbers" in str(error.value)
+
+
 def test_two_columns_of_one_quantity_are_refused_unless_one_is_named(tmp_path: Path) -> None:
     head = ["Temperature (°C),Temp (°C),Storage modulus (MPa)"]
     path = write(tmp_path / "two.csv", [*head, *rows(ident, lambda t: t + 1.0, in_mpa(storage))])
