@@ -22,6 +22,7 @@ import sys
 import tempfile
 from collections.abc import Callable
 from dataclasses import asdict, dataclass, fields
+from importlib import import_module
 from pathlib import Path
 from typing import Annotated, Any
 
@@ -85,14 +86,12 @@ def peak_mb() -> float:
 
 def fit_house(springs: int, conditions: int, points: int, branches: int) -> Account:
     """Write a test house, read it and fit it."""
-    import h5py  # noqa: F401  what a run imports counts as base
-    import xarray  # noqa: F401
-
     from sma_bayes import fit_campaign
     from sma_bayes.arviz_bridge import arviz
     from sma_bayes.records.campaign import read_campaign
 
-    arviz()
+    arviz()  # what a run imports counts as base, xarray with it
+    import_module("h5py")
     with tempfile.TemporaryDirectory() as place:
         house = Path(place) / "house"
         numbers = map(str, (springs, conditions, points, branches))

@@ -28,7 +28,7 @@ from sma_bayes.arrays import Floats, Ints
 MAX_SWEEPS = 48
 """Sweeps of a record, at most, that may have something of their own."""
 NEGLIGIBLE_SENSITIVITY = 1e-6
-"""Part of the greatest of what parameters do to the samples that is rounding."""
+"""Part of the greatest of what changes of the parameters do to the curve that is rounding."""
 LEAST_SEEN_SHARE = 0.1
 """Root mean square that a change of the curve has where samples are, over that which it has anywhere, from which they
 see it. A transition between two readings is no place that they tell anything of; functions that are scaled by what
@@ -232,11 +232,10 @@ def seen_changes(
     middles = 0.5 * (nodes[1:] + nodes[:-1])
     one_of_each = np.unique(np.searchsorted(middles, temperature), return_index=True)[1]
     here = (tangents[one_of_each][:, usable] / scale) @ of_size_one / np.sqrt(one_of_each.size)
-    _, shares, turned_by = np.linalg.svd(here)
-    seen = np.zeros(len(turned_by), dtype=bool)
-    seen[: shares.size] = shares > LEAST_SEEN_SHARE
-    unseen = np.concatenate([of_size_one @ turned_by[~seen].T, axes[~told_apart].T], axis=1)
-    others = np.linalg.svd(unseen.T)[2][unseen.shape[1] :].T
+    mean_square, turned_by = np.linalg.eigh(here.T @ here)
+    unseen = of_size_one @ turned_by[:, mean_square <= LEAST_SEEN_SHARE**2]
+    unseen = np.concatenate([unseen, axes[~told_apart].T], axis=1)
+    others = np.linalg.qr(unseen, mode="complete")[0][:, unseen.shape[1] :]
     change = np.zeros((usable.size, others.shape[1]))
     change[usable] = others / scale[:, None]
     return SeenChanges(
