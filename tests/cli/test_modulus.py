@@ -14,7 +14,7 @@ import numpy as np
 import pytest
 
 import sma_bayes
-from sma_bayes.report.notation import interval_text
+from sma_bayes.report.notation import interval_text, write_interval
 from sma_bayes.runs.documents import sealed
 from sma_bayes.studies.modulus.terminal import show_modulus
 
@@ -214,9 +214,11 @@ def test_temperatures_are_shown_as_they_are_declared(
     for text in (outcome.out, page):
         assert "°C" not in text
     (pages,) = (s for s in found["shifts"] if s["temperature"] == "midpoint")
-    middle = factor * pages["shift"]["median"]
-    assert f"midpoint: shift of {middle:+.2g} {shown} per decade" in outcome.out
-    assert f"midpoint: shift of {middle:+.2g} {shown} per decade" in page
+    quantiles = (factor * pages["shift"][q] for q in ("median", "q05", "q95"))
+    middle, low, high = (f"+{text}" for text in write_interval(*quantiles).plain)
+    assert low < middle < high, "the digits bear the width of the interval"
+    for text in (outcome.out, page):
+        assert f"midpoint: shift of {middle} {shown} per decade of frequency ({low} to {high})" in text
     assert f"storage modulus at {factor * 20.0 + zero:.6g} {shown}: times" in outcome.out
     stored = {(s["frequency"], t["name"]): t for s in found["sweeps"] for t in s["temperatures"]}
     original = {(s["frequency"], t["name"]): t for s in before["sweeps"] for t in s["temperatures"]}
