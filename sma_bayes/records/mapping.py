@@ -10,7 +10,15 @@ import numpy as np
 
 from sma_bayes.arrays import Floats, Ints
 from sma_bayes.errors import CampaignError, MeasurementError, QuantityError, many, near_matches
-from sma_bayes.quantities import ARBITRARY, CHANNELS, QUANTITIES, STANDARD_GRAVITY, convert, unit_text
+from sma_bayes.quantities import (
+    ARBITRARY,
+    CHANNELS,
+    QUANTITIES,
+    STANDARD_GRAVITY,
+    can_convert,
+    convert,
+    unit_text,
+)
 from sma_bayes.records.clock import clock_seconds, is_clock
 from sma_bayes.records.declaration import (
     CHANNEL_OF,
@@ -78,6 +86,7 @@ def run_of_tables(declared: DeclaredCondition, tables: Sequence[RawTable]) -> tu
     if whole.clock:
         values["time"] = values["time"] - np.nanmin(values["time"])
     specimen = not CHANNEL_OF.keys().isdisjoint(columns)
+    unfit = () if declared.columns else _without_unfit_load(settings, whole.columns, specimen)
     condition, told = _with_columns(_condition(declared, specimen=specimen), settings, whole.row, specimen)
     run = Run(
         condition=condition,
@@ -102,7 +111,7 @@ def run_of_tables(declared: DeclaredCondition, tables: Sequence[RawTable]) -> tu
     )
     run, cut = _within_window(run, declared)
     seen = [replace(f, file=file.name) for file in files for f in file.findings]
-    seen += [replace(f, file=declared.title) for f in (*how, *told, *cut)]
+    seen += [replace(f, file=declared.title) for f in (*how, *unfit, *told, *cut)]
     return run, tuple(replace(finding, condition=declared.table.id) for finding in seen)
 
 
@@ -184,6 +193,21 @@ def _nearly_named(columns: Mapping[str, ColumnDeclaration], table: RawTable) -> 
         "[columns] in a campaign.toml"
     )
     return (Finding("unused-column", message, column=found[0][0]),)
+
+
+def _without_unfit_load(
+    settings: dict[str, Floats], columns: Mapping[str, ColumnDeclaration], specimen: bool
+) -> tuple[Finding, ...]:
+    """Take away a load, known by its name, that is a force or mass beside a specimen or a stress beside a spring."""
+    if "load" not in settings or can_convert(columns["load"].calibrated_unit, "Pa") == specimen:
+        return ()
+    del settings["load"]
+    name = columns["load"].name or "load"
+    expected = (
+        "the load of a specimen is a stress" if specimen else "the load of a spring is a force or a mass"
+    )
+    message = f"not used: {name!r} [{unit_text(columns['load'].calibrated_unit)}]; {expected}"
+    return (Finding("unused-column", message, column=name),)
 
 
 def _with_columns(
@@ -329,9 +353,12 @@ def _canonical(
 
 
 def _weight(value: Floats, unit: str, declared: DeclaredCondition) -> Floats:
-    """Load [N] of a mass, which is turned into its weight, or of a force; of a specimen a stress [Pa]."""
+    """Load [N] of a mass, which is turned into its weight, or of a force; of a specimen a stress [Pa].
+
+    Without declared columns the unit tells which; see `_without_unfit_load`.
+    """
     specimen = not CHANNEL_OF.keys().isdisjoint(declared.columns)
-    if specimen:
+    if specimen or (not declared.columns and can_convert(unit, "Pa")):
         return convert(value, unit, "Pa", what="load")
     try:
         return STANDARD_GRAVITY * convert(value, unit, "kg", what="load")

@@ -106,6 +106,27 @@ class TestWays:
         )
         assert (seen.file, seen.condition) == ("b.csv", "b")
 
+    @pytest.mark.parametrize(
+        ("channel", "unit", "load", "reason"),
+        [
+            ("stress_MPa", "N", None, "the load of a specimen is a stress"),
+            ("force_N", "MPa", None, "the load of a spring is a force or a mass"),
+            ("stress_MPa", "MPa", 5e6, ""),
+            ("force_N", "N", 5.0, ""),
+        ],
+    )
+    def test_a_load_known_by_its_name_is_taken_in_its_own_kind_only(
+        self, folder: Path, channel: str, unit: str, load: float | None, reason: str
+    ) -> None:
+        head, *rows = SWEEP.replace(",displacement_mm", ",note").splitlines()
+        table = [head.replace("force_N", channel) + f",load_{unit}", *(row + ",5" for row in rows)]
+        path = folder / "b.csv"
+        path.write_text("\n".join(table))
+        found = read_campaign(path)
+        assert {r.condition.load for r in found.records} == {load}
+        told = [f.message for f in found.findings if f.kind == "unused-column"]
+        assert told == ([f"not used: 'load_{unit}' [{unit}]; {reason}"] if reason else [])
+
     def test_a_campaign_without_columns_knows_the_default_names_too(self, folder: Path) -> None:
         run, seen = run_of(declare(folder, CONDITION))
         assert run.columns.keys() == {"time", "temperature", "force", "displacement"}
