@@ -2,7 +2,8 @@
 
 Formulae of A. Vehtari, A. Gelman, D. Simpson, B. Carpenter, P.-C. Bürkner, "Rank-normalization, folding, and
 localization: an improved R-hat for assessing convergence of MCMC", Bayesian Analysis 16 (2021) 667,
-doi 10.1214/20-BA1221. They are those of arviz-stats to rounding, which tests hold, for all parameters at once: a short
+doi 10.1214/20-BA1221. They are those of arviz-stats to rounding, which tests hold (but for the error of a
+standard deviation of a heavy tail), for all parameters at once: a short
 record takes longer to import arviz-stats, with xarray and pandas, than to be sampled. The normal scores of the draws,
 which most of the formulae need, are computed once.
 
@@ -19,6 +20,7 @@ import numpy as np
 from scipy.special import ndtri
 
 from sma_bayes.arrays import Floats, Ints
+from sma_bayes.sampling.pareto import MAX_RELIABLE_K, tail_exponent
 
 TAIL_QUANTILES = (0.05, 0.95)
 """Quantiles whose effective sample sizes are those of the tails."""
@@ -83,7 +85,10 @@ class Convergence:
         their levels, with `ess_tail` draws, times the mean slope of the quantiles from half to one and a half of them.
     sd_error : ndarray, shape (D,)
         Relative Monte Carlo standard error of the standard deviation, from the effective sample size of squared
-        deviations from the mean (A. Vehtari and others 2021): ``0.5 sqrt((kurtosis - 1) / ess)``.
+        deviations from the mean (A. Vehtari and others 2021): ``0.5 sqrt((kurtosis - 1) / ess)``. Where the squares
+        have a Pareto exponent k over 0.5, hence no variance, their mean converges as ``ess ** (k - 1)`` (A. Vehtari,
+        D. Simpson, A. Gelman, Y. Yao, J. Gabry, Journal of Machine Learning Research 25 (2024) 72), and the error is
+        ``ess ** (k - 0.5)`` times that, with k of `MAX_RELIABLE_K` at most.
     """
 
     rhat: Floats
@@ -139,9 +144,17 @@ def assess(draws: Floats, target: Target) -> Convergence:
             of_bulk, *of_tails, of_means = _ess(means) * gain
             bulk, tail = np.minimum(bulk, of_bulk), np.minimum(tail, np.minimum(*of_tails))
             of_squares = np.minimum(of_squares, of_means)
-        sd_error = 0.5 * squares.std(axis=1) / squares.mean(axis=1) / np.sqrt(of_squares)
+        sd_error = 0.5 * squares.std(axis=1) / squares.mean(axis=1) * of_squares ** -_rate(squares)
     found = Convergence(rhat, bulk, tail, False, _quantile_error(values, tail), sd_error)
     return replace(found, converged=bool(np.all(np.isfinite(draws))) and found.reaches(target))
+
+
+def _rate(squares: Floats) -> Floats:
+    """Power of the number of draws with which errors of the means of squares (D, N) fall, shape (D,).
+
+    A half; ``1 - k`` where the tail of the squares has a Pareto exponent k over a half, hence no variance.
+    """
+    return 1.0 - np.clip(tail_exponent(squares), 0.5, MAX_RELIABLE_K)
 
 
 def _scores(values: Floats) -> Floats:

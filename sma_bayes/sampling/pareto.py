@@ -44,7 +44,7 @@ def smoothed_weights(log_ratio: Floats) -> tuple[Floats, Floats]:
     """
     size, n = log_ratio.shape
     log_weight = log_ratio - log_ratio.max(axis=0)
-    tail = int(min(np.ceil(0.2 * size), np.ceil(3.0 * np.sqrt(size))))
+    tail = _tail_size(size)
     if tail < LEAST_TAIL_WEIGHTS:
         return log_weight - logsumexp(log_weight, axis=0), np.full(n, np.inf)
     order = np.argsort(log_weight, axis=0, kind="stable")[-tail - 1 :]
@@ -62,6 +62,37 @@ def smoothed_weights(log_ratio: Floats) -> tuple[Floats, Floats]:
             smooth[:, varies] = np.minimum(np.log(quantile), 0.0)
         np.put_along_axis(log_weight, order[1:], smooth, axis=0)
     return np.asarray(log_weight - logsumexp(log_weight, axis=0)), k
+
+
+def tail_exponent(values: Floats) -> Floats:
+    """Pareto exponent of the upper tail of each row.
+
+    Parameters
+    ----------
+    values : ndarray, shape (D, N)
+
+    Returns
+    -------
+    ndarray, shape (D,)
+        Not a number where values are not, or are too few; minus infinity where the tail is all the same.
+    """
+    tail = _tail_size(values.shape[1])
+    k = np.full(len(values), np.nan)
+    if tail < LEAST_TAIL_WEIGHTS:
+        return k
+    at = values.shape[1] - tail - 1
+    largest = np.sort(np.partition(values, at, axis=1)[:, at:], axis=1)
+    excess = (largest[:, 1:] - largest[:, :1]).T
+    varies = excess[int(tail / 4 + 0.5) - 1] > 0.0
+    k[~varies & np.isfinite(excess[-1])] = -np.inf
+    if varies.any():
+        k[varies] = pareto_fit(excess[:, varies])[0]
+    return k
+
+
+def _tail_size(size: int) -> int:
+    """Values that are the tail of so many."""
+    return int(min(np.ceil(0.2 * size), np.ceil(3.0 * np.sqrt(size))))
 
 
 def pareto_fit(excess: Floats) -> tuple[Floats, Floats]:

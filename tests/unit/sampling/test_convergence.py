@@ -52,6 +52,9 @@ def test_diagnostics_are_those_of_arviz(name: str) -> None:
     found = assess(x[..., None, None], Target())
     tolerance = 1e-6 if x.shape[1] % 2 == 0 else 1e-2  # of an odd number one is ranked, too
     told = (found.rhat[0], found.ess_bulk[0], found.ess_tail[0], found.sd_error[0])
+    if name in {"heavy tails", "skew", "ties"}:  # squares whose tail seems to have no variance, which arviz never asks
+        assert told[-1] > 1.5 * expected.pop()
+        told = told[:-1]
     assert told == pytest.approx(tuple(expected), rel=tolerance)
 
 
@@ -112,6 +115,20 @@ def test_heavy_tails_take_more_draws_for_their_standard_deviation() -> None:
     found = assess(z, asked)
     assert found.converged
     np.testing.assert_allclose(found.sd_error, np.sqrt(5.0) / 2.0 / np.sqrt(4 * 200 * 64), rtol=0.15)
+
+
+@pytest.mark.parametrize("df", [2.5, 3.0, 10.0])
+def test_standard_deviations_are_as_far_off_as_is_said(df: float) -> None:
+    """Squares of Student t with less than 4 degrees of freedom have no variance: the standard deviation is off by more
+    than three of the usual errors in 30 and 7 % of cases (df 2.5 and 3), by more than three stated ones in 1 and 3 %.
+    Of 200 more than 7 % are a false alarm in one of 1,000."""
+    z = np.random.default_rng(1).standard_t(df, (4, 50, 64, 200))
+    flat = z.reshape(-1, z.shape[-1])
+    off = np.abs(np.log(flat.std(axis=0) / np.sqrt(df / (df - 2.0))))
+    assert np.mean(off > 3.0 * assess(z, Target()).sd_error) <= 0.07
+    squares = flat**2
+    usual = 0.5 * squares.std(axis=0) / squares.mean(axis=0) / np.sqrt(len(flat))
+    assert df >= 3.0 or np.mean(off > 3.0 * usual) > 0.2
 
 
 def test_one_ensemble_elsewhere_is_seen() -> None:
