@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import Final
 
 from sma_bayes.errors import many
 from sma_bayes.report.content import INTERVAL, Content, RecordContent
-from sma_bayes.report.notation import count_text
+from sma_bayes.report.notation import compact, count_text, unit_label
 from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.runs.fit_document import TARGET
 from sma_bayes.studies.fit.inadequate import KINDS
@@ -36,6 +37,14 @@ REFERENCES: Final = {
   volume = {16}, number = {2}, pages = {667--718}, year = {2021},
   doi = {10.1214/20-BA1221}
 }""",
+    "terbraak2006": """@article{terbraak2006,
+  author = {ter Braak, Cajo J. F.},
+  title = {A {Markov} Chain {Monte} {Carlo} version of the genetic algorithm Differential Evolution: easy {Bayesian}
+    computing for real parameter spaces},
+  journal = {Statistics and Computing},
+  volume = {16}, number = {3}, pages = {239--249}, year = {2006},
+  doi = {10.1007/s11222-006-8769-1}
+}""",
     "astme3097": """@techreport{astme3097,
   author = {{ASTM International}},
   title = {{ASTM} {E3097}: Standard Test Method for Mechanical Uniaxial Constant Force Thermal Cycling of Shape
@@ -44,6 +53,20 @@ REFERENCES: Final = {
 }""",
 }  # fmt: skip
 """BibTeX entries by key."""
+
+FITTED: Final = "independence moves with proposals fitted to the posterior, not its stretch moves"
+
+MOVES: Final = {
+    "independence": FITTED,
+    "independence after an audit": FITTED,
+    "independence after differential evolution": "independence moves with proposals fitted to draws of differential "
+    "evolution [@terbraak2006], not its stretch moves",
+    "independence and differential evolution": "independence moves and differential evolution [@terbraak2006], not its "
+    "stretch moves",
+    "differential evolution": "differential evolution [@terbraak2006], not its stretch moves",
+    "stretch": "stretch moves",
+}
+"""What made the draws, by `SamplerSummary.method`."""
 
 
 def methods_text(content: Content) -> str:
@@ -82,13 +105,23 @@ def _sentences(content: Content) -> Iterator[str]:
     samples = count_text(sum(r.document.n for r in records))
     yield (
         f"{_joined(list(observed)).capitalize()} against temperature of {many(len(content.conditions), 'condition')} "
-        f"({many(len(records), 'record')} of one branch each, {samples} samples) were described by {_models(records)}."
+        f"({many(len(records), 'record')} of one branch each, {samples} samples{_averaged(records)}) were described by "
+        f"{_models(records)}."
     )
     yield (
         "Parameters of each record were inferred by Bayesian inference"
         if p.options.pool == "none"
         else "Parameters, common to all conditions of a branch, were inferred by Bayesian inference"
     ) + f" under the priors “{p.options.priors}” and {_noises(records)}."
+    if any(r.temperature_sd for r in records):
+        errors = dict.fromkeys(
+            f"{compact(r.temperature_sd)} {unit_label(r.temperature_unit)}"
+            for r in records
+            if r.temperature_sd
+        )
+        yield f"The error of a single reading of temperature (sd {_joined(list(errors))}) is part of the likelihood."
+    if calibrations := list(dict.fromkeys(text for r in records for text in r.calibration)):
+        yield f"Errors of the calibration were added to the draws of the posterior ({'; '.join(calibrations)})."
     if any(r.document.discrepancy for r in records):
         count = sum(bool(r.document.discrepancy) for r in records)
         yield (
@@ -96,7 +129,7 @@ def _sentences(content: Content) -> Iterator[str]:
             "stands beside the curve, where the evidence was for it."
         )
     yield (
-        f"Posteriors were drawn with emcee {p.versions.get('emcee', '')} [@foremanmackey2013]; "
+        f"Posteriors were drawn with emcee {p.versions.get('emcee', '')} [@foremanmackey2013]{_moves(records)}; "
         f"{len(content.converged)} of {len(records)} records converged, with rank-normalised R-hat of at most "
         f"{TARGET.rhat}, bulk and tail effective sample sizes of at least {TARGET.ess:.0f}, and Monte Carlo standard "
         f"errors of at most {TARGET.quantile_error} sd of the 2.5 and 97.5 % quantiles and "
@@ -118,6 +151,22 @@ def _sentences(content: Content) -> Iterator[str]:
         f"Values are posterior medians with the {INTERVAL}. The analysis was made with sma_bayes "
         f"{p.versions.get('sma-bayes', '')} [@smabayes], seed {p.seed}; SHA-256 of the data: {p.data_sha256}."
     )
+
+
+def _averaged(records: Sequence[RecordContent]) -> str:
+    """How many rows of a file are one sample, where that is more than one."""
+    most = max(r.document.rows_averaged for r in records)
+    return f", means of up to {most} rows" if most > 1 else ""
+
+
+def _moves(records: Sequence[RecordContent]) -> str:
+    """What made the draws, in how many records where not in all."""
+    counts = Counter(MOVES[m] for r in records if (m := r.document.sampler.method))
+    told = [
+        f"by {words}" if len(counts) == 1 else f"in {count} by {words}"
+        for words, count in counts.most_common()
+    ]
+    return f" {', '.join(told)}" if told else ""
 
 
 def _models(records: Sequence[RecordContent]) -> str:

@@ -87,7 +87,11 @@ def _record(r: RecordSummary, stored: RecordSummary, units: Shown) -> RecordCont
         degrees=shown_as(stored.temperature.unit, units),
         channels=tuple(_channel(c, q, r, units) for c, q in r.quantities.items()),
         held=tuple(_held(c, h, names) for c, h in r.held.items()),
-        calibration=tuple(_calibration(k, measured[c]) for c, k in r.calibration.items() if c in measured),
+        calibration=tuple(
+            calibration_text(k, measured[c])
+            for c, k in r.calibration.items()
+            if c in measured and (k.relative_scale_sd or k.offset_sd)
+        ),
         parameters=tuple(
             ParameterResult(
                 **dict(p),
@@ -138,12 +142,11 @@ def _held(channel: str, held: HeldSummary, names: Mapping[str, str]) -> str:
     return f"{name} held at {compact(held.mean)} {unit} (sd {compact(held.sd)} {unit})"
 
 
-def _calibration(c: CalibrationSummary, quantity: Measure) -> str:
-    unit = unit_label(quantity.unit)
-    return (
-        f"{quantity.name}: scale known to {100 * c.relative_scale_sd:.2g} %, offset to "
-        f"{compact(c.offset_sd)} {unit}; carried on top of the posterior"
-    )
+def calibration_text(c: CalibrationSummary, quantity: Measure) -> str:
+    """How well the calibration of a quantity is known."""
+    known = [f"scale known to {100 * c.relative_scale_sd:.2g} %"] if c.relative_scale_sd else []
+    known += [f"offset known to {compact(c.offset_sd)} {unit_label(quantity.unit)}"] if c.offset_sd else []
+    return f"{quantity.name}: {', '.join(known)} (sd)"
 
 
 def _printed(records: Iterable[RecordContent]) -> tuple[PrintedComparison, ...]:

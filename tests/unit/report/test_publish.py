@@ -13,8 +13,11 @@ from sma_bayes.assess.adequacy import Reason
 from sma_bayes.report.content import Content
 from sma_bayes.report.tables import csv_columns, report_tables
 from sma_bayes.report.workbook import write_workbook
+from sma_bayes.runs.fit_document import CalibrationSummary, Measure
+from sma_bayes.sampling.ensembles import METHODS
 from sma_bayes.studies.fit.inadequate import KINDS
-from sma_bayes.studies.fit.methods import bibliography, methods_text
+from sma_bayes.studies.fit.methods import FITTED, MOVES, bibliography, methods_text
+from sma_bayes.studies.fit.report_content import calibration_text
 from sma_bayes.studies.report.build import build_report
 
 
@@ -27,6 +30,43 @@ def test_the_paragraph_says_what_was_done(content: Content) -> None:
     assert content.document.data_sha256 in text
     assert f"seed {content.document.seed}" in text
     assert "equal-tailed 90 % credible interval" in text
+
+
+def test_the_paragraph_says_what_moves_made_the_draws(content: Content) -> None:
+    """Of emcee only, a reader takes its stretch moves for granted."""
+    assert set(MOVES) == {*METHODS, "differential evolution", "stretch"}
+    assert f"emcee 3.1.6 [@foremanmackey2013] by {FITTED}; 2 of 2" in re.sub(
+        r"emcee [\d.]+", "emcee 3.1.6", methods_text(content)
+    )
+    first, *others = content.records
+    told = first.document.sampler.model_copy(update={"method": "stretch"})
+    mixed = replace(first, document=first.document.model_copy(update={"sampler": told}))
+    text = methods_text(replace(content, records=(mixed, *others)))
+    assert "in 1 by stretch moves" in text
+    assert f"in 1 by {FITTED}" in text
+
+
+def test_the_paragraph_says_what_was_done_to_the_measurements(content: Content) -> None:
+    plain = methods_text(content)
+    assert not any(words in plain for words in ("means of up to", "single reading", "calibration"))
+    known = (
+        CalibrationSummary(relative_scale_sd=0.02, offset=0.0, offset_sd=0.0),
+        Measure(name="force", unit="N"),
+    )
+    records = tuple(
+        replace(
+            r,
+            document=r.document.model_copy(update={"rows_averaged": 4}),
+            temperature_sd=0.2,
+            temperature_unit="degC",
+            calibration=(calibration_text(*known),),
+        )
+        for r in content.records
+    )
+    text = methods_text(replace(content, records=records))
+    assert " samples, means of up to 4 rows)" in text
+    assert "The error of a single reading of temperature (sd 0.2 °C) is part of the likelihood." in text
+    assert "were added to the draws of the posterior (force: scale known to 2 % (sd))." in text
 
 
 def test_what_was_not_done_is_not_claimed(content: Content) -> None:
