@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -175,6 +175,36 @@ def curve_of(model: ResponseModel, theta: Floats, channel: str, temperature: Flo
         return model.stiffness(theta, {"temperature": temperature})
     with np.errstate(over="ignore"):
         return model.predict(theta, {"temperature": temperature})[channel]
+
+
+def with_calibration_of(curves: CurveDraws, other: CurveDraws) -> CurveDraws:
+    """Curves with the errors that calibrations have in draws of another record of the same condition.
+
+    What thermometer and sensors of a run are off by is the same for heating and cooling, so that it cancels in what
+    the branches differ by. The errors are drawn for each record; draw by draw those of the other one take their place.
+
+    Parameters
+    ----------
+    curves, other : CurveDraws
+        Of two branches, S and T draws.
+
+    Returns
+    -------
+    CurveDraws
+        The first min(S, T) draws; all of `curves` as they are where none of its calibrations is uncertain, or where
+        those of the other are declared otherwise.
+    """
+    own, others = (dict(c.posterior.records[c.record].calibration) for c in (curves, other))
+    if not curves.calibration or own != others:
+        return curves
+    size = min(len(curves.theta), len(other.theta))
+    theta = curves.theta[:size]
+    errors = {c: (gain[:size], shift[:size]) for c, (gain, shift) in other.calibration.items()}
+    back = {c: (1.0 / gain[:size], -(shift / gain)[:size]) for c, (gain, shift) in curves.calibration.items()}
+    for change in (back, errors):
+        theta = calibrated_parameters(curves.posterior, theta, change, curves.record)
+    weights = {c: w[:size] for c, w in curves.weights.items()}
+    return replace(curves, theta=theta, weights=weights, calibration=errors)
 
 
 def record_draws(fit: Fit, record: int = 0) -> RecordDraws:

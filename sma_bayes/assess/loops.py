@@ -8,6 +8,7 @@ from pydantic import Field
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.adequacy import led_by_prior
 from sma_bayes.assess.bands import GRID, band_channels, curve_draws, temperature_grid
+from sma_bayes.assess.draws import with_calibration_of
 from sma_bayes.assess.middle import middle_temperatures
 from sma_bayes.document_part import IntervalDocument, Number
 from sma_bayes.fitting.curves import interval_where_defined
@@ -62,9 +63,12 @@ def loop_quantities(heating: Fit, cooling: Fit, records: tuple[int, int] = (0, 0
 
     The width is the distance of the temperatures at which the curves are half-way (`middle_temperatures`), heating less
     cooling; the area is the integral of heating less cooling over the temperatures that both branches cover. The
-    posteriors of the two branches are independent, so their draws are paired as they come.
+    posteriors of the two branches are independent, so their draws are paired as they come; the errors of their
+    calibrations are one (`with_calibration_of`).
     """
     h, c = heating.records[records[0]], cooling.records[records[1]]
+    first = heating.curves(records[0])
+    second = with_calibration_of(cooling.curves(records[1]), first)
     low = max(h.temperature.min(), c.temperature.min())
     high = min(h.temperature.max(), c.temperature.max())
     t_unit = h.units["temperature"]
@@ -72,10 +76,7 @@ def loop_quantities(heating: Fit, cooling: Fit, records: tuple[int, int] = (0, 0
     for channel in band_channels(h):
         if channel not in band_channels(c):
             continue
-        a, b = (
-            middle_temperatures(f.curves(i), channel)
-            for f, i in zip((heating, cooling), records, strict=True)
-        )
+        a, b = (middle_temperatures(curves, channel) for curves in (first, second))
         if a is not None and b is not None:
             size = min(a.size, b.size)
             out.append(_interval(
@@ -86,8 +87,7 @@ def loop_quantities(heating: Fit, cooling: Fit, records: tuple[int, int] = (0, 0
             t = np.linspace(low, high, GRID)
             weight = np.full(GRID, t[1] - t[0])  # of the trapezoidal rule
             weight[[0, -1]] /= 2.0
-            up = curve_draws(heating, channel, t, records[0])
-            down = curve_draws(cooling, channel, t, records[1])
+            up, down = (curves.curve(channel, t) for curves in (first, second))
             size = min(len(up), len(down))
             with np.errstate(invalid="ignore"):  # undefined where both are infinite
                 area = (up[:size] - down[:size]) @ weight

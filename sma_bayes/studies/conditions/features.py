@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import expit
 
 from sma_bayes.arrays import Floats
-from sma_bayes.assess.draws import RecordDraws
+from sma_bayes.assess.draws import RecordDraws, with_calibration_of
 from sma_bayes.assess.middle import middle_temperatures
 from sma_bayes.assess.transformation import (
     MAX_OUTSTANDING_SHARE,
@@ -249,8 +249,9 @@ def _of_loop(
         return
     heating, cooling = branches[Branch.HEATING], branches[Branch.COOLING]
     size = min(heating.size, cooling.size)
+    down_curves = with_calibration_of(cooling.curves, heating.curves)
     for channel in CHANNELS:
-        up, down = (middles[b][channel] for b in (Branch.HEATING, Branch.COOLING))
+        up, down = middles[Branch.HEATING][channel], middle_temperatures(down_curves, channel)
         if up is not None and down is not None:
             yield Feature(
                 "hysteresis_width", condition, BOTH, channel, degrees, up[:size] - down[:size],

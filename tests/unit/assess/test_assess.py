@@ -21,6 +21,7 @@ from sma_bayes.assess.bands import (
 )
 from sma_bayes.assess.checks import STATISTICS, predictive_checks
 from sma_bayes.assess.correlation import agreement, correlation_factors
+from sma_bayes.assess.draws import record_draws
 from sma_bayes.assess.identifiability import contraction, free_directions
 from sma_bayes.assess.loops import branch_quantities, loop_quantities
 from sma_bayes.assess.path import path_remark
@@ -32,6 +33,7 @@ from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.types import Branch, Calibration, Condition, HeldChannel, Record
 from sma_bayes.response.arrangement import ArrangedSpring, Arrangement
 from sma_bayes.response.modified_sigmoid import sigmoid
+from sma_bayes.studies.conditions.features import condition_features
 
 PRIORS = read_priors("modified_sigmoid")
 CONDITION = "100g-10mHz"
@@ -319,6 +321,33 @@ def test_calibration_widens_spans_and_offsets_and_nothing_else() -> None:
     # the true value at the reading where the errors are independent is uncertain by the offset's error alone
     gain, shift = carried.calibration_draws()["force"]
     assert (gain * 0.5 + shift).std() == pytest.approx(0.05, rel=0.06)
+
+
+@pytest.mark.parametrize(
+    ("channel", "known", "names"),
+    [
+        ("temperature", Calibration(0.0, 0.0, 3.0), ("hysteresis_width", "loop_area")),
+        ("force", Calibration(0.0, 0.0, 0.5), ("hysteresis_width", "loop_area")),
+        ("force", Calibration(0.1, 0.0, 0.0), ("hysteresis_width",)),
+    ],
+)
+def test_errors_that_both_branches_share_cancel_in_the_loop(
+    channel: str, known: Calibration, names: tuple[str, ...]
+) -> None:
+    """What the thermometer of a run is off by moves both branches alike; each by itself is as unsure as declared."""
+    widths = {}
+    for calibration in ({}, {channel: known}):
+        up = fit_records([spring(calibration=calibration)], PRIORS)
+        down = fit_records([spring(branch=Branch.COOLING, calibration=calibration)], PRIORS)
+        draws = [record_draws(f) for f in (up, down)]
+        found = {q.name: q.q95 - q.q05 for q in loop_quantities(up, down)}
+        (width,) = (
+            f for f in condition_features(draws) if (f.name, f.channel) == ("hysteresis_width", "force")
+        )
+        assert np.ptp(np.quantile(width.draws, (0.05, 0.95))) == pytest.approx(found["hysteresis_width"])
+        widths[bool(calibration)] = found
+    for name in names:
+        assert widths[True][name] == pytest.approx(widths[False][name], rel=0.05)
 
 
 def p_values(record: Record, noise: str = "independent") -> dict[str, float]:
