@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -11,17 +12,50 @@ from sma_bayes.errors import OutputError, ResumeError
 from sma_bayes.runs.documents import RUN_MARKER, read_mark
 from sma_bayes.runs.store import nothing_unfinished, sweep_unfinished, write_json
 
+if sys.platform != "win32":
+    import fcntl
+
 
 @contextmanager
 def claimed_folder(folder: Path, identity: dict[str, Any], resume: bool) -> Iterator[None]:
-    """Work in a folder that is ours, and leave none behind if nothing came of it; see `claim_folder`."""
+    """Work in a folder that is ours alone, and leave none behind if nothing came of it; see `claim_folder`."""
     made = claim_folder(folder, identity, resume)
-    try:
-        with nothing_unfinished(folder):
-            yield
-    except BaseException:
-        release(folder, made)
-        raise
+    with only_one_process(folder):
+        try:
+            sweep_unfinished(folder)
+            with nothing_unfinished(folder):
+                yield
+        except BaseException:
+            release(folder, made)
+            raise
+
+
+@contextmanager
+def only_one_process(folder: Path) -> Iterator[None]:
+    """Hold a claimed folder against other processes, as long as this one lives.
+
+    The system releases it with the process, however that ends. Where it has no such locks, as on Windows and on some
+    network disks, nothing is held.
+
+    Raises
+    ------
+    OutputError
+        If another process works there.
+    """
+    if sys.platform == "win32":
+        yield
+        return
+    with (folder / RUN_MARKER).open("rb") as mark:
+        try:
+            fcntl.flock(mark, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise OutputError(
+                "another process is at work on this run", file=folder, expected="one process a folder",
+                remedy="wait until that one ends, or choose another --out",
+            ) from None  # fmt: skip
+        except OSError:
+            pass
+        yield
 
 
 def release(folder: Path, made: Sequence[Path]) -> None:
@@ -60,7 +94,6 @@ def claim_folder(folder: Path, identity: dict[str, Any], resume: bool) -> tuple[
     try:
         if (folder / RUN_MARKER).is_file():
             _check_mark(folder, identity, resume)
-            sweep_unfinished(folder)
             return ()
         if folder.exists() and not folder.is_dir():
             raise OutputError("is a file", file=folder, expected="a folder", remedy="choose another --out")

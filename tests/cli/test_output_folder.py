@@ -6,6 +6,7 @@ import json
 import os
 import shutil
 import subprocess
+import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import Any
@@ -13,6 +14,8 @@ from typing import Any
 import pytest
 
 from sma_bayes.disk import FREE_BYTES
+from sma_bayes.runs.output_folder import only_one_process
+from sma_bayes.runs.store import UNFINISHED
 
 Run = Callable[..., Any]
 
@@ -71,6 +74,21 @@ def test_resuming_with_other_priors_data_or_names_is_refused(run: Run, done: Pat
     assert "differs in data" in refused(run, tmp_path / "run.csv", done / "out", "--resume")
     shutil.copy(done / "run.csv", tmp_path / "other.csv")
     assert "differs in records" in refused(run, tmp_path / "other.csv", done / "out", "--resume")
+    assert content(done / "out") == before
+
+
+@pytest.mark.skipif(sys.platform == "win32", reason="no locks of that kind")
+def test_two_processes_do_not_work_on_one_run(run: Run, done: Path) -> None:
+    """The second removed what the first had half-written, and one of both ended with 'free the disk'."""
+    before = content(done / "out")
+    with only_one_process(done / "out"):
+        half = done / "out" / f"{UNFINISHED}of-the-first"
+        half.touch()
+        told = refused(run, done / "run.csv", done / "out", "--resume")
+        assert half.exists()
+        half.unlink()
+    assert "another process is at work on this run" in told
+    assert "wait until that one ends, or choose another --out" in told
     assert content(done / "out") == before
 
 
