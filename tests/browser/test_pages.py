@@ -236,6 +236,28 @@ def test_few_readings_are_seen_on_the_lines_and_many_under_them(tmp_path: Path) 
         assert (2.0 * float(marks[dots[0]][1]) > 2.5 * float(marks[lines[0]][2])) is few
 
 
+def test_a_narrow_chart_has_three_numbers_along_its_axis(tmp_path: Path) -> None:
+    """From 26.3 to 59.5 °C a telephone showed 40 alone, which tells no scale."""
+    script = (resources.files("sma_bayes.report") / "templates" / "explorer.js").read_text(encoding="utf-8")
+    for low, high in ((26.3, 59.5), (21.0, 39.0), (30.0, 140.0), (0.2, 0.38)):
+        x = np.linspace(low, high, 28)
+        y = np.linspace(0.0, 1.0, 28)
+        traces = chart_data(
+            [Trace("a", "heating", "force", "force", "T", x, {"q50": y}, (low, high), (x, y))]
+        )
+        page = tmp_path / "narrow.html"
+        page.write_text(
+            '<div class="explorer" style="width: 330px" hidden><div class="chart"></div>'
+            f'<script type="application/json">{json.dumps(traces)}</script></div><script>{script}</script>',
+            encoding="utf-8",
+        )
+        seen = browser("--virtual-time-budget=5000", "--dump-dom", page.as_uri()).stdout
+        written = re.findall(r'<text x="([\d.]+)" y="([\d.]+)" text-anchor="middle">[\d.]+</text>', seen)
+        assert len(written) >= 3
+        places = sorted(float(x) for x, _ in written)
+        assert min(np.diff(places)) > 25.0
+
+
 def test_on_paper_the_still_figure_is_seen(report: Path) -> None:
     style = report.read_text(encoding="utf-8").partition("</style>")[0]
     printed = style[style.index("@media print") :]

@@ -58,6 +58,7 @@
     const step = [1, 2, 2.5, 5, 10].find(s => s * power >= rough) * power;
     const out = [];
     for (let k = Math.ceil(low / step - 1e-9); k * step <= high + 1e-9 * step; k++) out.push(k * step);
+    if (out.length < 3 && most < 20) return ticks(low, high, 1.5 * most); // fewer tell no scale
     return [out, step === 2.5 * power ? step / 5 : step];
   };
 

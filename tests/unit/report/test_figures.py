@@ -103,6 +103,20 @@ def test_nothing_is_drawn_beyond_the_sheet(kind: str, content: Content, branch_o
             assert inside, f"{part} at {box} on a sheet of {width} by {height}"
 
 
+@pytest.mark.parametrize("kind", ["parameters", "printed"])
+def test_a_number_at_the_end_of_an_axis_is_not_cut(kind: str, content: Content, branch_of: Gather) -> None:
+    """A4 of the Flexinol wire had its last number, 0.044, at the edge of the sheet."""
+    figure = draw(kind, content, branch_of).figure
+    with mpl.rc_context(STYLE):
+        for ax in figure.axes:
+            ax.set_xticks([ax.get_xlim()[1]], ["\N{MINUS SIGN}0.0444"])
+        figure.canvas.draw()
+        for ax in figure.axes:
+            box = ax.get_tightbbox()
+            assert box is not None
+            assert box.x1 <= figure.canvas.get_width_height()[0]
+
+
 def test_the_same_figure_is_the_same_to_the_byte(content: Content, branch_of: Gather, tmp_path: Path) -> None:
     for folder in ("a", "b"):
         save(lambda: draw("corner", content, branch_of), tmp_path / folder)

@@ -40,6 +40,9 @@ from sma_bayes.sampling.convergence import Target
 LOGARITHMIC_ESS_RATIO: Final = 20.0
 """Greatest effective sample size over the target from which its axis is logarithmic."""
 
+HALF_A_TICK: Final = 0.25
+"""Room for half of a number at the right end of an axis [inch]."""
+
 LEAST_CORRELATION_SPAN: Final = 1e-6
 """Least width of an axis of correlation factors: those of a computed curve are all one."""
 
@@ -124,9 +127,17 @@ def parameter_figure(content: Content, number: int = 1) -> Drawing:
     conditions = content.conditions
     tall = 0.55 + 0.26 * len(conditions)
     left = label_width(conditions)
-    figure = empty_sheet(left + 1.85 * columns + 0.1, 0.75 + (tall + 0.45) * sheet_rows)
+    figure = empty_sheet(left + 1.85 * columns + HALF_A_TICK, 0.75 + (tall + 0.45) * sheet_rows)
     axes = panels(
-        figure, sheet_rows, columns, left=left, right=0.1, bottom=0.75, top=0.3, gap_x=0.15, gap_y=0.75
+        figure,
+        sheet_rows,
+        columns,
+        left=left,
+        right=HALF_A_TICK,
+        bottom=0.75,
+        top=0.3,
+        gap_x=0.15,
+        gap_y=0.75,
     )
     rows: list[tuple[Any, ...]] = []
     for name, ax in (
@@ -226,9 +237,9 @@ def printed_figure(content: Content) -> Drawing:
     columns = 3 if len(names) > 4 else len(names)
     sheet_rows = math.ceil(len(names) / columns)
     tall = 0.3 + 0.17 * len(keys)
-    figure = empty_sheet(left + 2.2 * columns + 0.1, 0.65 + (tall + 0.65) * sheet_rows)
+    figure = empty_sheet(left + 2.2 * columns + HALF_A_TICK, 0.65 + (tall + 0.65) * sheet_rows)
     axes = panels(
-        figure, sheet_rows, columns, left=left, right=0.1, bottom=0.8, top=0.3, gap_x=0.2, gap_y=0.6
+        figure, sheet_rows, columns, left=left, right=HALF_A_TICK, bottom=0.8, top=0.3, gap_x=0.2, gap_y=0.6
     )
     rows: list[tuple[Any, ...]] = []
     for ax, name in zip(axes.flat, names, strict=False):
