@@ -253,8 +253,8 @@ def fit_table(records: Sequence[RecordContent]) -> Table:
     return table_of(
         "goodness_of_fit",
         "Goodness of the least-squares fit",
-        "At the warm start, in sample: sum of squared errors, root mean square error, R², and R² adjusted for the p "
-        "parameters of the channel.",
+        "At the warm start, in sample: sum of squared errors SSE, RMSE (the root of SSE over n − p), R², and R² "
+        "adjusted for the p parameters of the channel.",
         [(r, c, c.fit) for r in records for c in r.channels if c.fit],
         *_OF_RECORD,
         (Column("channel", "channel"), lambda r, c, f: c.name),
@@ -369,7 +369,8 @@ def quantity_table(content: Content) -> Table:
     return Table(
         "loops",
         "Loop and stiffness quantities",
-        f"Median and {INTERVAL}. The posteriors of the two branches of a loop are independent.",
+        f"Median and {INTERVAL}. The posteriors of the two branches of a loop are independent, but for errors "
+        "of a calibration, which both share.",
         (
             *_RECORD,
             *words("quantity", "channel", "unit"),

@@ -10,6 +10,7 @@ from pathlib import Path
 from types import SimpleNamespace
 from typing import cast
 
+import numpy as np
 import pytest
 
 from sma_bayes.account import Account
@@ -89,6 +90,15 @@ def test_every_header_of_numbers_has_a_unit(content: Content, name: str) -> None
             assert any(c.key == "unit" for c in table.columns)
         assert "degC" not in column.header
     assert all(len(row) == len(table.columns) for row in table.rows)
+
+
+def test_a_goodness_of_fit_is_what_its_note_says(content: Content) -> None:
+    """The RMSE of least squares has n - p below it, that of correlation factors n; both were a mean square error."""
+    table = report_tables(content)["goodness_of_fit"]
+    assert "RMSE (the root of SSE over n − p)" in table.note
+    columns = {k.split(" [")[0]: v for k, v in csv_columns(table).items()}
+    sse, n, p, rmse = (np.asarray(columns[k], dtype=float) for k in ("sse", "n", "p", "rmse"))
+    np.testing.assert_allclose(rmse, np.sqrt(sse / (n - p)))
 
 
 def test_an_estimate_becomes_three_columns() -> None:
