@@ -77,6 +77,12 @@ def _about_scatter(found: GapOfModel) -> Iterator[str]:
                 f"{e.id} is no name: {100.0 * e.follows.share:.0f} % of how {members[0]}s differ is "
                 f"{e.follows.member} alone, where something happened; the others are alike."
             )
+        elif e.follows is not None and e.follows.settles:
+            yield (
+                f"{e.id} is no name: {100.0 * e.follows.share:.0f} % of what cycles have of their own settles with the "
+                "cycle in each condition, so a cause that is not in the catalogue and dies away explains as much "
+                "(training, a rig that warms up); a condition that is begun anew tells."
+            )
         elif e.follows is not None:
             yield (
                 f"{e.id} is no name: {100.0 * e.follows.share:.0f} % of what {members[0]}s have of their own goes with "

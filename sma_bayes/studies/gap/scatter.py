@@ -5,7 +5,8 @@ and is named last. A law of the load, of the cycle, of time, is preferred where 
 makes the measurements more likely beside the random effect: then what members have of their own scatters less.
 
 What members have of their own may still go with a setting that was recorded: then a law of it that is not in the
-catalogue explains as much, and the random effect is a description, not a name. So it is where one member alone differs.
+catalogue explains as much, and the random effect is a description, not a name. So it is where one member alone differs,
+and where the cycles of each condition settle.
 """
 
 from __future__ import annotations
@@ -34,6 +35,8 @@ LEAST_SHARE_FOLLOWED: Final = 0.9
 """Share of how members differ that a straight line in a setting explains where they follow it, or one of them alone."""
 LEAST_MEMBERS_FOR_LINE: Final = 3
 """Members from which on a straight line says something."""
+LEAST_CYCLES_TO_SETTLE: Final = 5
+"""Cycles of each condition, from which on it is asked whether they settle: five that scatter do in 2 % of cases."""
 LEAST_MEMBERS_FOR_ONE: Final = 5
 """Members from which on one of them can be told from scatter: of five that scatter, one holds 90 % in 7 % of cases."""
 SETTINGS: Final = (
@@ -136,25 +139,33 @@ def holds_beside(law: Effect, beside: FittedHypothesis, alone: FittedHypothesis 
 
 @dataclass(frozen=True, slots=True)
 class FollowedSetting:
-    """A recorded setting with which goes what members of a random effect have of their own, or one that is alone.
+    """What members of a random effect follow: a recorded setting, a settling in each condition, or one that is alone.
 
     Attributes
     ----------
     covariate : str
         Of `SETTINGS`; what a member is, where one is alone.
     share : float
-        What a straight line in it explains of how members differ, or the one member.
+        What a straight line in it explains of how members differ, or a settling, or the one member.
     member : str or None
         The one that differs from all others; None where a setting is followed.
+    settles : bool
+        Whether it is the cycle within each condition, and the line one in its logarithm or in what dies away by a
+        factor of e a cycle.
     """
 
     covariate: str
     share: float
     member: str | None = None
+    settles: bool = False
 
 
 def followed_setting(fitted: FittedHypothesis, effect: Effect) -> FollowedSetting | None:
     """The recorded setting that members of a random effect follow, or the one of them that differs from the others.
+
+    Cycles may also settle in each condition, as those of a specimen that is trained do, or of a rig that warms up: then
+    the line is one in the logarithm of their number, or in what dies away with it, with a level and a slope for each
+    condition.
 
     None where there is neither, for a law, and with fewer than three members, which are always on a line.
 
@@ -192,6 +203,10 @@ def followed_setting(fitted: FittedHypothesis, effect: Effect) -> FollowedSettin
         return 1.0 - _left(whitening, numbers, np.column_stack([level, values])) / differ
 
     found = [FollowedSetting(name, share(values)) for name, values in settings.items()]
+    found += [
+        FollowedSetting("cycle", share(columns), settles=True)
+        for columns in _settling(hypothesis.histories, NUMBERED_BY[members[0]], there)
+    ]
     if level.size >= LEAST_MEMBERS_FOR_ONE:
         found += [
             FollowedSetting(members[0], share(one), label)
@@ -199,6 +214,21 @@ def followed_setting(fitted: FittedHypothesis, effect: Effect) -> FollowedSettin
         ]
     best = max(found, key=lambda f: f.share, default=None)
     return best if best is not None and best.share >= LEAST_SHARE_FOLLOWED else None
+
+
+def _settling(histories: Sequence[History], numbered_by: str, members: Sequence[int]) -> tuple[Floats, ...]:
+    """Columns (members, k) that settle with the cycles of each condition, beside its level; none if these are few."""
+    if numbered_by != NUMBERED_BY["cycle"]:
+        return ()
+    run, number = np.full(len(members), -1), np.zeros(len(members))
+    for i, h in enumerate(histories):
+        own = np.isin(members, h.inputs[numbered_by])
+        run[own], number[own] = i, np.arange(np.count_nonzero(own))
+    level = (run[:, None] == np.unique(run)).astype(float)
+    if level.sum(axis=0).min() < LEAST_CYCLES_TO_SETTLE:
+        return ()
+    courses = (np.log1p(number), np.exp(-number))
+    return tuple(np.hstack([level[:, 1:], level * course[:, None]]) for course in courses)
 
 
 def _left(whitening: Floats, numbers: Floats, columns: Floats) -> float:

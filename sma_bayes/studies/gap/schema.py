@@ -163,9 +163,16 @@ class FollowedCovariate(DocumentPart):
     covariate: str = Field(
         description="the setting; of the temperature, its peak; `condition` or `cycle` where one of these differs"
     )
-    share: Number = Field(description="what a straight line in it, or that one, explains of how they differ")
+    share: Number = Field(
+        description="what a straight line in it, a settling, or that one explains of how they differ"
+    )
     member: str | None = Field(
         description="the one that differs from all others; null where a setting is followed"
+    )
+    settles: bool = Field(
+        default=False,
+        description="whether it is the cycle within each condition, and the line one in its logarithm or in what dies "
+        "away with it",
     )
 
 

@@ -309,6 +309,22 @@ def loaded(effect: str, *loads: float) -> dict[str, Any]:
             },
             ["cycle_offset is no name: 96 % of how cycles differ is cycle 4 of 2A alone"],
         ),
+        (
+            {
+                **loaded("cycle_offset", 1.0),
+                "verdict": "unnamed",
+                "effects": [],
+                "partial": [
+                    {
+                        **EFFECT,
+                        "id": "cycle_offset",
+                        "follows": {"covariate": "cycle", "share": 0.96, "member": None, "settles": True},
+                    }
+                ],
+                "gap": {"after": 1.9},
+            },
+            ["cycle_offset is no name: 96 % of what cycles have of their own settles with the cycle in each"],
+        ),
         (loaded("run_offset", 1.0, 2.0, 1.0), ["run_offset says how much conditions differ, not why."]),
         (loaded("run_offset", 1.0, 1.0), ["run_offset says how much conditions differ, not why."]),
         (

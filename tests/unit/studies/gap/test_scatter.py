@@ -107,6 +107,21 @@ def test_one_cycle_that_differs_is_told_as_one(rig) -> None:
     assert found.followed["cycle_offset"].member == "cycle 4 of c0"
 
 
+@pytest.mark.parametrize("conditions", [1, 2])
+def test_cycles_that_settle_are_no_name(conditions: int, rig) -> None:
+    """What dies away in each condition has a cause, though no law of the catalogue is it; scatter has none."""
+    plain = rig(cycles=6, samples=30, periods=(60.0,) * conditions, loads=(1.0,) * conditions,
+                peaks=(95.0,) * conditions, seed=5).campaign()  # fmt: skip
+    settling = {f"{k + 1}": 0.08 * SPAN * 0.45**k for k in range(6)}
+    only = {"cycle_offset": EFFECTS["cycle_offset"]}
+    found = study_campaign(moved_by(plain, settling, by_cycle=True), PRIORS, pooled=True, effects=only)
+    assert [e.id for e in found.effects] == ["cycle_offset"]
+    assert (found.verdict, found.named) == ("unnamed", ())
+    followed = found.followed["cycle_offset"]
+    assert (followed.covariate, followed.settles, followed.member) == ("cycle", True, None)
+    assert 0.95 < followed.share <= 1.0
+
+
 def test_a_part_of_the_measurements_may_lack_members(rig) -> None:
     """Folds leave cycles out, and what these have of their own is then known by its prior alone."""
     plain = rig(cycles=7, samples=30, periods=(60.0,), loads=(1.0,), peaks=(95.0,), seed=5).campaign()
