@@ -207,6 +207,12 @@ def with_calibration_of(curves: CurveDraws, other: CurveDraws) -> CurveDraws:
     return replace(curves, theta=theta, weights=weights, calibration=errors)
 
 
+def sharing_calibration(draws: RecordDraws, other: RecordDraws) -> RecordDraws:
+    """Draws of a record with the errors of calibration of another's, as many; see `with_calibration_of`."""
+    curves = with_calibration_of(draws.curves, other.curves)
+    return replace(draws, theta=curves.theta, weights=curves.weights, calibration=curves.calibration)
+
+
 def record_draws(fit: Fit, record: int = 0) -> RecordDraws:
     """Draws of one record of a fit.
 

@@ -34,7 +34,7 @@ import numpy as np
 from scipy.special import logit
 
 from sma_bayes.arrays import Bools, Floats, Ints
-from sma_bayes.assess.draws import RecordDraws
+from sma_bayes.assess.draws import RecordDraws, sharing_calibration
 from sma_bayes.assess.unseen_misfit import with_unseen_misfit
 from sma_bayes.effects.transformation import SLOPED, ChannelCurve, curves
 from sma_bayes.errors import UnknownNameError, near_matches
@@ -80,6 +80,8 @@ SPAN_PREFIX: Final = "span "
 class BothDraws:
     """Posterior draws of both branches of a condition; they are independent, and paired at random.
 
+    Thermometer and sensors are the same for both, and so are the errors of their calibration.
+
     Attributes
     ----------
     heating, cooling : RecordDraws
@@ -116,7 +118,8 @@ class BothDraws:
             fewer = d.size < size
             return _these(d, rng.integers(0, d.size, size) if fewer else rng.permutation(d.size)[:size])
 
-        return BothDraws(some(self.heating), some(self.cooling))
+        heating = some(self.heating)
+        return BothDraws(heating, sharing_calibration(some(self.cooling), heating))
 
     def with_unseen_misfit(self, rng: np.random.Generator) -> BothDraws:
         """Curves that may miss what their readings do not show; see `sma_bayes.assess.unseen_misfit`."""
