@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
+from numbers import Integral
 from pathlib import Path
 from typing import Final, Literal
 
@@ -60,6 +61,8 @@ class FitOptions:
 
     def __post_init__(self) -> None:
         pool_named(self.pool)
+        if not isinstance(self.seed, Integral) or self.seed < 0:
+            raise SmaBayesError(f"seed {self.seed!r}", expected="a whole number, 0 or greater")
 
 
 def prior_set(priors: str | Path | PriorSet | None, model: str = DEFAULT_MODEL) -> PriorSet:

@@ -138,6 +138,10 @@ def test_where_the_fit_fails_questions_are_skipped(run: Callable[..., Any], stud
     failed = run("run", mark, "--quiet")
     assert failed.status == 2  # its only step fails; the folder is that of a study now
     assert failed.err.startswith("error: ")
+    machine = run("run", mark, "--resume", "--json")
+    assert machine.status == 2
+    assert json.loads(machine.out)["steps"][0]["status"] == "failed"
+    assert "error: compare: " in machine.err  # a pipeline's log says why
     written(study.parent / "results" / "fit", "a file where a folder should be")
     written(study, STUDY + "[conditions]\n")
     outcome = run("run", study, "--resume")

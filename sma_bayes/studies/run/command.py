@@ -34,7 +34,7 @@ def command(
 
     with workers(scheduler, jobs), progress_shown(quiet or as_json, verbose, tasks=False) as progress:
         found = run_study(study, out=out, jobs=jobs, resume=resume, strict=strict or None, progress=progress)
-    if quiet and not as_json:
+    if quiet or as_json:
         for message in failures(found):
             typer.echo(message, err=True)
     finish(found, quiet, as_json, lambda: typer.echo(study_text(found)))
