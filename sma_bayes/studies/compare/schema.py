@@ -117,7 +117,8 @@ class ComparedModel(DocumentPart):
     same_as: str | None = Field(description="model whose numbers these are, where it is the same curve")
     unavailable: str | None = Field(description="why there are no numbers")
     elpd: NumberOrNull = Field(
-        description="log density of single samples left out (PSIS-LOO), each counted as 1/`memory`"
+        description="log density of single samples left out, each counted as 1/`memory`: by weights of the draws "
+        "(PSIS-LOO), or, where these can't be relied on, by a fit without the sample"
     )
     elpd_se: NumberOrNull = Field(description="its standard error")
     p_eff: NumberOrNull = Field(description="effective parameters")
@@ -134,7 +135,9 @@ class ComparedModel(DocumentPart):
         default=None, description="factors over draws of the curve"
     )
     pareto_k_max: NumberOrNull = Field(description="greatest Pareto k of single samples left out")
-    pareto_k_above: int | None = Field(default=None, description="how many of them exceed 0.7")
+    pareto_k_above: int | None = Field(
+        default=None, description="how many of them exceed 0.7, which were left out by fits without them"
+    )
     pareto_k_anew_max: NumberOrNull = Field(
         default=None, description="greatest Pareto k of the draws of fits made anew"
     )

@@ -8,6 +8,7 @@ from sma_bayes.report.averages import average_factors
 from sma_bayes.report.content import INTERVAL, PAPER_CORRELATION, AverageFactor, Estimate, Number
 from sma_bayes.report.notation import unit_label
 from sma_bayes.report.tables import AVERAGE_COLUMNS, UNIT_OF_ROW, Cell, Column, Table, average_cells, words
+from sma_bayes.sampling.pareto import MAX_RELIABLE_K
 from sma_bayes.studies.compare.schema import ComparedRecord, StatedDifference, StoredComparison
 from sma_bayes.studies.compare.words import noise_words, short
 
@@ -173,7 +174,8 @@ def model_table(stored: StoredComparison) -> Table:
     return Table(
         "models",
         "Models, record by record",
-        "elpd: log density of each sample left out in turn (PSIS-LOO), a sample counted by its share. RMSE and r are "
+        "elpd: log density of each sample left out in turn, a sample counted by its share: by weights of the draws "
+        f"(PSIS-LOO), or, where their Pareto k is over {MAX_RELIABLE_K}, by a fit without the sample. RMSE and r are "
         "of predictions of held-out folds. A model without numbers of its own has those of another, named beside.",
         (
             *words("condition", "branch", "channel", "model"),
