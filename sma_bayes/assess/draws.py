@@ -11,7 +11,7 @@ import numpy as np
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.bands import band_channels
 from sma_bayes.assess.path import path_remark
-from sma_bayes.fitting.curves import CurveDraws, Errors, calibrated_parameters
+from sma_bayes.fitting.curves import CurveDraws, Errors, calibrated_parameters, errors_of, undone
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.posterior import Posterior
 from sma_bayes.parameters.distributions import Distribution
@@ -54,8 +54,7 @@ class RecordDraws:
     @cached_property
     def before_calibration(self) -> Floats:
         """Draws (S, P) as the likelihood has them, the errors of calibrations taken out again."""
-        back = {c: (1.0 / gain, -shift / gain) for c, (gain, shift) in self.calibration.items()}
-        return calibrated_parameters(self.posterior, self.theta, back)
+        return calibrated_parameters(self.posterior, self.theta, undone(self.calibration))
 
     @property
     def record(self) -> Record:
@@ -197,13 +196,11 @@ def with_calibration_of(curves: CurveDraws, other: CurveDraws) -> CurveDraws:
     own, others = (dict(c.posterior.records[c.record].calibration) for c in (curves, other))
     if not curves.calibration or own != others:
         return curves
-    size = min(len(curves.theta), len(other.theta))
-    theta = curves.theta[:size]
-    errors = {c: (gain[:size], shift[:size]) for c, (gain, shift) in other.calibration.items()}
-    back = {c: (1.0 / gain[:size], -(shift / gain)[:size]) for c, (gain, shift) in curves.calibration.items()}
-    for change in (back, errors):
+    both = slice(min(len(curves.theta), len(other.theta)))
+    theta, errors = curves.theta[both], errors_of(other.calibration, both)
+    for change in (undone(errors_of(curves.calibration, both)), errors):
         theta = calibrated_parameters(curves.posterior, theta, change, curves.record)
-    weights = {c: w[:size] for c, w in curves.weights.items()}
+    weights = {c: w[both] for c, w in curves.weights.items()}
     return replace(curves, theta=theta, weights=weights, calibration=errors)
 
 

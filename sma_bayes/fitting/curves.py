@@ -9,7 +9,7 @@ from typing import Final
 
 import numpy as np
 
-from sma_bayes.arrays import Floats
+from sma_bayes.arrays import Floats, Ints
 from sma_bayes.fitting.posterior import Posterior
 
 Errors = Mapping[str, tuple[Floats, Floats]]
@@ -155,6 +155,16 @@ def calibrated_parameters(
         elif channel != "stiffness":
             out[:, at] = model.calibrated(out[:, at], channel, gain, shift)
     return out
+
+
+def undone(errors: Errors) -> Errors:
+    """Errors that take those of the same draws out again."""
+    return {c: (1.0 / gain, -shift / gain) for c, (gain, shift) in errors.items()}
+
+
+def errors_of(errors: Errors, which: Ints | slice) -> Errors:
+    """Errors of some of the draws."""
+    return {c: (gain[which], shift[which]) for c, (gain, shift) in errors.items()}
 
 
 INTERVAL: Final = {"q05": 0.05, "median": 0.5, "q95": 0.95}

@@ -2,10 +2,10 @@
 
 Formulae of A. Vehtari, A. Gelman, D. Simpson, B. Carpenter, P.-C. Bürkner, "Rank-normalization, folding, and
 localization: an improved R-hat for assessing convergence of MCMC", Bayesian Analysis 16 (2021) 667,
-doi 10.1214/20-BA1221. They are those of arviz-stats to rounding, which tests hold (but for the error of a
-standard deviation of a heavy tail), for all parameters at once: a short
-record takes longer to import arviz-stats, with xarray and pandas, than to be sampled. The normal scores of the draws,
-which most of the formulae need, are computed once.
+doi 10.1214/20-BA1221. They are those of arviz-stats to rounding, which tests hold, but for the error of a standard
+deviation of a heavy tail, and for all parameters at once: a short record takes longer to import arviz-stats, with
+xarray and pandas, than to be sampled. The normal scores of the draws, which most of the formulae need, are computed
+once.
 
 A chain here is one *independent ensemble* with its walkers joined end to end. Walkers of one ensemble are not
 independent of each other, so they are never counted as chains.

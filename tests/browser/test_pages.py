@@ -213,21 +213,24 @@ def test_the_chart_answers_who_points_at_it(report: Path, tmp_path: Path) -> Non
         np.testing.assert_allclose(told_here, right, atol=0.1 * width)
 
 
+def drawn_chart(page: Path, x: np.ndarray, *, style: str = "", width: str = "auto") -> str:
+    """What the script of a page draws of one curve that goes through all its readings."""
+    script = (resources.files("sma_bayes.report") / "templates" / "explorer.js").read_text(encoding="utf-8")
+    y = np.linspace(0.0, 1.0, x.size)
+    traces = chart_data([Trace("a", "heating", "force", "force", "T", x, {"q50": y}, (x[0], x[-1]), (x, y))])
+    page.write_text(
+        f'<style>{style}</style><div class="explorer" style="width: {width}" hidden><div class="chart"></div>'
+        f'<script type="application/json">{json.dumps(traces)}</script></div><script>{script}</script>',
+        encoding="utf-8",
+    )
+    return browser("--virtual-time-budget=5000", "--dump-dom", page.as_uri()).stdout
+
+
 def test_few_readings_are_seen_on_the_lines_and_many_under_them(tmp_path: Path) -> None:
     """Dots of 1.7 pixels under a line that goes through all 28 readings of a sweep were not seen."""
-    script = (resources.files("sma_bayes.report") / "templates" / "explorer.js").read_text(encoding="utf-8")
     for count, few in ((28, True), (400, False)):
-        x, y = np.linspace(20.0, 90.0, count), np.linspace(0.0, 1.0, count)
-        traces = chart_data(
-            [Trace("a", "heating", "force", "force", "T", x, {"q50": y}, (20.0, 90.0), (x, y))]
-        )
-        page = tmp_path / f"{count}.html"
-        page.write_text(
-            '<style>:root { --curve: 30 50; }</style><div class="explorer" hidden><div class="chart"></div>'
-            f'<script type="application/json">{json.dumps(traces)}</script></div><script>{script}</script>',
-            encoding="utf-8",
-        )
-        seen = browser("--virtual-time-budget=5000", "--dump-dom", page.as_uri()).stdout
+        x = np.linspace(20.0, 90.0, count)
+        seen = drawn_chart(tmp_path / f"{count}.html", x, style=":root { --curve: 30 50; }")
         marks = re.findall(r"<(circle|path)\b[^>]*?(?:\br=\"([\d.]+)\"|stroke-width=\"([\d.]+)\")", seen)
         dots = [i for i, (tag, _, _) in enumerate(marks) if tag == "circle"]
         lines = [i for i, (tag, _, _) in enumerate(marks) if tag == "path"]
@@ -238,20 +241,8 @@ def test_few_readings_are_seen_on_the_lines_and_many_under_them(tmp_path: Path) 
 
 def test_a_narrow_chart_has_three_numbers_along_its_axis(tmp_path: Path) -> None:
     """From 26.3 to 59.5 °C a telephone showed 40 alone, which tells no scale."""
-    script = (resources.files("sma_bayes.report") / "templates" / "explorer.js").read_text(encoding="utf-8")
     for low, high in ((26.3, 59.5), (21.0, 39.0), (30.0, 140.0), (0.2, 0.38)):
-        x = np.linspace(low, high, 28)
-        y = np.linspace(0.0, 1.0, 28)
-        traces = chart_data(
-            [Trace("a", "heating", "force", "force", "T", x, {"q50": y}, (low, high), (x, y))]
-        )
-        page = tmp_path / "narrow.html"
-        page.write_text(
-            '<div class="explorer" style="width: 330px" hidden><div class="chart"></div>'
-            f'<script type="application/json">{json.dumps(traces)}</script></div><script>{script}</script>',
-            encoding="utf-8",
-        )
-        seen = browser("--virtual-time-budget=5000", "--dump-dom", page.as_uri()).stdout
+        seen = drawn_chart(tmp_path / "narrow.html", np.linspace(low, high, 28), width="330px")
         written = re.findall(r'<text x="([\d.]+)" y="([\d.]+)" text-anchor="middle">[\d.]+</text>', seen)
         assert len(written) >= 3
         places = sorted(float(x) for x, _ in written)

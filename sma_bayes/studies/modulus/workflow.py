@@ -298,11 +298,11 @@ def _shift(branch: str, name: str, points: Sequence[ShiftPoint], degrees: ShownU
         return untold
     found = arrhenius(frequency, temperature, sd)
     low, middle, high = (degrees.factor * q for q in found.shift)
-    signed = (
+    told, least, most = (
         f"{'+' if q > 0.0 else ''}{text}"
         for q, text in zip((middle, low, high), write_interval(middle, low, high).plain, strict=True)
     )
-    shift = "{} {} per decade of frequency ({} to {})".format(next(signed), unit_text(degrees.shown), *signed)
+    shift = f"{told} {unit_text(degrees.shown)} per decade of frequency ({least} to {most})"
     if found.energy is None:
         told = (
             f"{title}: shift of {shift}; the interval holds zero, at which the apparent activation energy is infinite: "

@@ -11,7 +11,7 @@ import numpy as np
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.assess.transformation import temperatures_of_draws, transformation_channel
-from sma_bayes.fitting.curves import calibrated_parameters
+from sma_bayes.fitting.curves import calibrated_parameters, errors_of
 from sma_bayes.fitting.posterior import Posterior, Weights
 from sma_bayes.parameters.roles import Role
 from sma_bayes.quantities import unit_text
@@ -195,8 +195,7 @@ def of_other_draws(
     draws: RecordDraws, theta: Floats, weights: Mapping[str, Floats], posterior: Posterior | None = None
 ) -> RecordDraws:
     """Other draws (S', P) of the record, of its posterior or another one, with the same errors of its calibrations."""
-    size = len(theta)
-    errors = {c: (gain[:size], shift[:size]) for c, (gain, shift) in draws.calibration.items()}
+    errors = errors_of(draws.calibration, slice(len(theta)))
     carried = calibrated_parameters(draws.posterior, theta, errors)
     return replace(
         draws, posterior=posterior or draws.posterior, theta=carried, weights=weights, calibration=errors

@@ -38,6 +38,7 @@ from sma_bayes.assess.draws import RecordDraws, sharing_calibration
 from sma_bayes.assess.unseen_misfit import with_unseen_misfit
 from sma_bayes.effects.transformation import SLOPED, ChannelCurve, curves
 from sma_bayes.errors import UnknownNameError, near_matches
+from sma_bayes.fitting.curves import errors_of
 from sma_bayes.noise import Steps
 from sma_bayes.records.types import Branch
 
@@ -135,7 +136,7 @@ def _these(draws: RecordDraws, which: Ints | slice) -> RecordDraws:
         draws,
         theta=draws.theta[which],
         weights={c: w[which] for c, w in draws.weights.items()},
-        calibration={c: (gain[which], shift[which]) for c, (gain, shift) in draws.calibration.items()},
+        calibration=errors_of(draws.calibration, which),
     )
 
 
