@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import expit
 
 from sma_bayes.arrays import Floats
-from sma_bayes.assess.draws import RecordDraws, with_calibration_of
+from sma_bayes.assess.draws import RecordDraws, sharing_calibration
 from sma_bayes.assess.middle import middle_temperatures
 from sma_bayes.assess.transformation import (
     MAX_OUTSTANDING_SHARE,
@@ -93,12 +93,17 @@ def condition_features(records: Sequence[RecordDraws]) -> tuple[Feature, ...]:
     ----------
     records : sequence of RecordDraws
         Heating, cooling or both of each condition. Posteriors of different records are independent, so their draws are
-        paired as they come.
+        paired as they come; the errors of calibrations of both branches of a condition are one
+        (`sharing_calibration`).
     """
     conditions = dict.fromkeys(r.condition for r in records)
     out: list[Feature] = []
     for condition in conditions:
         branches = {r.branch: r for r in records if r.condition == condition}
+        if len(branches) == len(Branch):
+            branches[Branch.COOLING] = sharing_calibration(
+                *(branches[b] for b in (Branch.COOLING, Branch.HEATING))
+            )
         middles = {b: {c: middle_temperatures(r.curves, c) for c in CHANNELS} for b, r in branches.items()}
         for branch, record in branches.items():
             out += _of_branch(record, middles[branch])
@@ -249,9 +254,8 @@ def _of_loop(
         return
     heating, cooling = branches[Branch.HEATING], branches[Branch.COOLING]
     size = min(heating.size, cooling.size)
-    down_curves = with_calibration_of(cooling.curves, heating.curves)
     for channel in CHANNELS:
-        up, down = middles[Branch.HEATING][channel], middle_temperatures(down_curves, channel)
+        up, down = (middles[b][channel] for b in (Branch.HEATING, Branch.COOLING))
         if up is not None and down is not None:
             yield Feature(
                 "hysteresis_width", condition, BOTH, channel, degrees, up[:size] - down[:size],

@@ -3,13 +3,16 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
 
 from sma_bayes.assess.draws import RecordDraws
-from sma_bayes.records.types import Branch, Condition
+from sma_bayes.fitting.curves import calibrated_parameters
+from sma_bayes.fitting.fit import calibration_errors
+from sma_bayes.records.types import Branch, Calibration, Condition
 from sma_bayes.studies.conditions.features import Feature, condition_features, ratio
 
 C = Condition("c", current=1.0)
@@ -73,6 +76,28 @@ def test_both_branches_together_give_the_extremes_and_the_width(
     )
     left = named(features, "share_left", "heating", "force").draws
     assert left.mean() == pytest.approx(1.0 / (1.0 + np.exp(0.35 * (70.0 - 52.0))), rel=0.02)
+
+
+def calibrated(draws: RecordDraws, known: dict[str, Calibration]) -> RecordDraws:
+    """Draws of a record whose calibrations are known so well, with errors of its own, as a fit has them."""
+    posterior = replace(draws.posterior, records=(replace(draws.record, calibration=known),))
+    errors = calibration_errors(known, 0, draws.key, draws.size)
+    theta = calibrated_parameters(posterior, draws.theta, errors)
+    return replace(draws, posterior=posterior, theta=theta, calibration=errors)
+
+
+def test_branches_have_one_error_of_calibration_in_all_that_both_make(
+    make_draws: Callable[..., RecordDraws],
+) -> None:
+    known = {"temperature": Calibration(0.0, 0.0, 1.0), "force": Calibration(0.1, 0.0, 0.0)}
+    records = [calibrated(make_draws(C, branch, error=0.0), known) for branch in Branch]
+    features = condition_features(records)
+    assert np.ptp(named(features, "hysteresis_width", "both", "force").draws) == pytest.approx(0.0, abs=1e-9)
+    for name in ("least_stiffness", "greatest_stiffness"):
+        heating = named(features, name, "heating").draws
+        assert np.std(np.log(heating)) > 0.05
+        for other in ("cooling", "both"):
+            np.testing.assert_allclose(named(features, name, other).draws, heating, rtol=1e-9)
 
 
 def test_a_share_left_before_a_plateau_that_was_not_measured_says_so(
