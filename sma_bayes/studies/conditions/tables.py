@@ -40,6 +40,8 @@ UNINFORMATIVE_SPANS: Final = 100.0
 """Spans of a curve from which a width or an error says no more than that nothing is known."""
 LEAST_COVERAGE: Final = 0.8
 """Share of left-out curves that a 90 % band has to hold for its way of predicting to be advised."""
+NOMINAL_COVERAGE: Final = 0.9
+"""Share that such a band should hold."""
 NEGLIGIBLE_SHARE: Final = 0.01
 """Share of a transformation below which it is over; a factor between such shares says nothing."""
 EDGE_PROBABILITY: Final = 0.5
@@ -95,7 +97,8 @@ def preferred_way(found: ConditionsDocument) -> str:
     """Which way of predicting to use where they disagree, by what was left out; empty where nothing was.
 
     It is the narrowest of those whose 90 % band held at least `LEAST_COVERAGE` of the curves; extrapolations and
-    stiffness, whose width is one of logarithms, do not count.
+    stiffness, whose width is one of logarithms, do not count. Curves are few as a rule, so that their least and
+    greatest share are told with the mean, and that it falls short of the 90 % that it should be.
     """
     rows: dict[str, list[tuple[float, float]]] = {}
     for h in found.held_out:
@@ -110,10 +113,18 @@ def preferred_way(found: ConditionsDocument) -> str:
     good = {name: m for name, m in means.items() if m[0] >= LEAST_COVERAGE}
     best = min(good, key=lambda n: good[n][1]) if good else max(means, key=lambda n: means[n][0])
     held, width = means[best]
-    told = (
-        f"its 90 % band held {held:.0%} of the curves that were left out ({len(rows[best])}), {share_text(width)} of "
-        "the span wide"
+    shares = [share for share, _ in rows[best]]
+    each = (
+        f"of {len(shares)}: {100 * min(shares):.0f} to {100 * max(shares):.0f} % each"
+        if shares[1:]
+        else "one"
     )
+    told = (
+        f"its 90 % band, {share_text(width)} of the span wide, held {100 * held:.0f} % of the curves that were left "
+        f"out ({each})"
+    )
+    if held < NOMINAL_COVERAGE:
+        told += ", which is less than it should: what is predicted is less sure than its band says"
     if good:
         return f"where predictions disagree use {best}: {told}"
     return f"no method of prediction covers what was left out; the best is {best}: {told}"

@@ -5,6 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import pytest
+
 from sma_bayes.runs.documents import CONDITIONS
 from sma_bayes.runs.finished_run import FinishedRun
 from sma_bayes.studies.conditions.schema import ConditionsDocument
@@ -144,8 +146,17 @@ def test_of_ways_that_hold_what_was_left_out_the_narrowest_is_advised() -> None:
         held(hierarchical=(0.95, 0.4), curves_by_hand=(0.9, 0.2), parameters_by_hand=(0.3, 0.01)),
         held(hierarchical=(0.95, 0.4), curves_by_hand=(0.8, 0.2), parameters_by_hand=(0.2, 0.01)),
     )
-    assert advice(found).startswith("where predictions disagree use curves by hand: its 90 % band held 85%")
+    assert advice(found).startswith(
+        "where predictions disagree use curves by hand: its 90 % band, 0.2 of the span wide, held 85 % of the curves "
+        "that were left out (of 2: 80 to 90 % each)"
+    )
     assert advice(found) in conditions_text(found)
+
+
+@pytest.mark.parametrize(("held_share", "short"), [(0.85, True), (0.9, False), (1.0, False)])
+def test_that_the_advised_band_holds_less_than_it_says_is_told(held_share: float, short: bool) -> None:
+    found = study(held(hierarchical=(held_share, 0.4)))
+    assert ("less sure than its band says" in advice(found)) == short
 
 
 def test_where_no_way_holds_it_that_is_said() -> None:
