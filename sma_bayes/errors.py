@@ -9,6 +9,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from contextlib import contextmanager
 from difflib import get_close_matches
+from numbers import Integral
 from pathlib import Path
 from typing import Self
 
@@ -195,6 +196,18 @@ def require_known(
     """
     if name is not None and name not in known:
         raise kind(found, file=file, column=column, expected=near_matches(name, known), remedy=remedy)
+
+
+def require_seed(seed: object) -> None:
+    """Refuse what is no seed of random draws.
+
+    Raises
+    ------
+    SmaBayesError
+        If it is no whole number, or a negative one.
+    """
+    if not isinstance(seed, Integral) or seed < 0:
+        raise SmaBayesError(f"seed {seed!r}", expected="a whole number, 0 or greater")
 
 
 def many(count: int, noun: str) -> str:

@@ -12,6 +12,7 @@ import numpy as np
 
 from sma_bayes.account import Account
 from sma_bayes.arrays import Floats
+from sma_bayes.errors import require_seed
 from sma_bayes.fitting.fit import Fit, kept
 from sma_bayes.fitting.mean_sweep import of_all_sweeps, of_measured_sweeps
 from sma_bayes.fitting.model_choice import Prepared, Support, best_supported, prepare, support_of
@@ -92,6 +93,7 @@ def fit_records(
     MeasurementError, PriorError, UnknownNameError
         If the records or the call can't be used.
     """
+    require_seed(seed)
     account = Account()
     with one_thread():
         with account.timed("warm_start"):

@@ -17,7 +17,7 @@ from numpy.typing import NDArray
 from scipy import optimize
 
 from sma_bayes.arrays import Floats
-from sma_bayes.errors import MeasurementError, SmaBayesError, require_known
+from sma_bayes.errors import MeasurementError, SmaBayesError, require_known, require_seed
 from sma_bayes.fitting.posterior import build_posterior
 from sma_bayes.fitting.warm_start import OVERFLOW_VALUE, warm_start
 from sma_bayes.noise import NOISE_MODELS
@@ -131,6 +131,7 @@ def least_squares(
     Against NIST's certified values, estimates and standard errors have nine digits or more where the `jacobian` of the
     model is exact, seven or more with the default finite differences (docs/reference/nist.md).
     """
+    require_seed(seed)
     records = (record,) if isinstance(record, Record) else tuple(record)
     if isinstance(model, str):
         model = RESPONSE_MODELS[model].made_for(records)

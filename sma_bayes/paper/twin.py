@@ -32,7 +32,7 @@ import numpy as np
 from scipy.special import expit
 
 from sma_bayes.arrays import Floats
-from sma_bayes.errors import UnknownNameError, require_known
+from sma_bayes.errors import UnknownNameError, require_known, require_seed
 from sma_bayes.paper.tables import (
     CONDITIONS,
     PARAMETER_TABLES,
@@ -205,6 +205,7 @@ def twin_campaign(seed: int = 0, channels: Collection[str] = CHANNELS) -> Campai
     UnknownNameError
         If there is no channel, or an unknown one.
     """
+    require_seed(seed)
     unknown = sorted(set(channels) - set(CHANNELS))
     if unknown or not channels:
         raise UnknownNameError(

@@ -11,7 +11,7 @@ from typing import Final
 import numpy as np
 
 from sma_bayes.arrays import Floats
-from sma_bayes.errors import require_known
+from sma_bayes.errors import require_known, require_seed
 from sma_bayes.records.campaign import read_campaign
 from sma_bayes.records.types import Branch, Campaign, Finding
 from sma_bayes.simulated.rig import DEFAULT_RIG, GRAVITY, HeatingRamp, LoggedRamp, Setup, logged, ramp
@@ -136,6 +136,7 @@ def simulated_campaign(seed: int = 0) -> Campaign:
     Campaign
         Heating and cooling under three loads, with a finding that says that it was simulated.
     """
+    require_seed(seed)
     with TemporaryDirectory() as folder:
         for name, text in measurement_files(seed).items():
             (Path(folder) / name).write_text(text, encoding="utf-8", newline="\n")

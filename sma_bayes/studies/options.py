@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
-from numbers import Integral
 from pathlib import Path
 from typing import Final, Literal
 
-from sma_bayes.errors import SmaBayesError, near_matches, require_known
+from sma_bayes.errors import SmaBayesError, near_matches, require_known, require_seed
 from sma_bayes.fitting.fit_records import AUTO
 from sma_bayes.fitting.posterior import build_posterior
 from sma_bayes.limits import DEGREES
@@ -61,8 +60,7 @@ class FitOptions:
 
     def __post_init__(self) -> None:
         pool_named(self.pool)
-        if not isinstance(self.seed, Integral) or self.seed < 0:
-            raise SmaBayesError(f"seed {self.seed!r}", expected="a whole number, 0 or greater")
+        require_seed(self.seed)
 
 
 def prior_set(priors: str | Path | PriorSet | None, model: str = DEFAULT_MODEL) -> PriorSet:

@@ -14,7 +14,7 @@ from pydantic import Field
 from sma_bayes.account import Account
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
-from sma_bayes.errors import MeasurementError, SmaBayesError, many
+from sma_bayes.errors import MeasurementError, SmaBayesError, many, require_seed
 from sma_bayes.fitting.curves import interval
 from sma_bayes.progress import Progress, silent
 from sma_bayes.records.types import Branch
@@ -135,6 +135,7 @@ def card(
     OutputError, ResumeError
         If `folder` holds no finished fit, or one whose conditions share parameters, or `out` can't be used.
     """
+    require_seed(seed)
     if not 9 <= points <= 4097:
         raise SmaBayesError(f"--points {points}", expected="9 to 4097 rows of a stiffness table")
     if not 50 <= draws <= 10_000:

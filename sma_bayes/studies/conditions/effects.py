@@ -23,6 +23,7 @@ import numpy as np
 from scipy.special import logsumexp
 
 from sma_bayes.arrays import Floats
+from sma_bayes.errors import require_seed
 from sma_bayes.fitting.curves import interval_where_defined
 from sma_bayes.studies.conditions.design import Confounder, Design, confounders, designs
 from sma_bayes.studies.conditions.features import BOTH, Feature
@@ -110,6 +111,7 @@ def operating_effects(features: Sequence[Feature], *, seed: int = 0) -> tuple[Se
     tuple of SettingEffect
         By group of conditions that state the same settings, feature, and setting that varies among them.
     """
+    require_seed(seed)
     conditions = tuple(dict.fromkeys(f.condition for f in features))
     out: list[SettingEffect] = []
     for design in designs(conditions):

@@ -10,7 +10,7 @@ from pydantic import Field
 
 from sma_bayes.account import Account
 from sma_bayes.assess.draws import RecordDraws, record_draws
-from sma_bayes.errors import OutputError, SmaBayesError
+from sma_bayes.errors import OutputError, SmaBayesError, require_seed
 from sma_bayes.fitting.model_choice import ModelChoice
 from sma_bayes.limits import SCATTER as SCATTER_LIMIT
 from sma_bayes.parameters.priors_file import parse_priors
@@ -99,6 +99,7 @@ def study_conditions(
     UnknownNameError, SmaBayesError
         If a setting or condition is not known.
     """
+    require_seed(seed)
     if not 0.0 < scatter <= SCATTER_LIMIT.value:
         raise SmaBayesError(
             f"--scatter {scatter:g}",

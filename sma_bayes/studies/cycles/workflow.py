@@ -53,7 +53,7 @@ from sma_bayes.studies.cycles.study import (
 )
 from sma_bayes.studies.cycles.sweeps import NUMBERS, Strand, fit_strand, sweeps_of
 from sma_bayes.studies.identity import of_campaign, run_identity
-from sma_bayes.studies.options import FitOptions, model_named, prior_set
+from sma_bayes.studies.options import FitOptions, prior_set
 from sma_bayes.studies.run_context import RunContext
 from sma_bayes.studies.study_step import DrawnTable, StudyStep, Texts, temperatures
 from sma_bayes.threads import one_thread
@@ -128,11 +128,10 @@ def cycles(
         If `out` can't be used.
     """
     _check(share, probability, ahead)
-    model_named(model)
+    options = FitOptions(prior_set(None, model), seed, model=model)
     groups, left_out = _groups(campaign, ahead)
     unit = campaign.records[0].units["temperature"]
     asked = tuple(asked_temperature(text, unit, unit) for text in at)
-    options = FitOptions(prior_set(None, model), seed, model=model)
     work = RunContext(CYCLES, jobs, figures_for(figures), progress or silent, account or Account())
     stated = CyclesOptions(model=model, at=tuple(at), share=share, probability=probability, ahead=ahead)
     identity = {**run_identity(campaign, options), "kind": CYCLES.verb, **stated.as_json()}

@@ -15,7 +15,7 @@ from pydantic import Field
 from sma_bayes import __version__
 from sma_bayes.account import Account
 from sma_bayes.assess.adequacy import SENTENCES
-from sma_bayes.errors import require_known
+from sma_bayes.errors import require_known, require_seed
 from sma_bayes.fitting.curves import as_interval
 from sma_bayes.fitting.posterior import versions
 from sma_bayes.progress import Progress, silent
@@ -122,6 +122,7 @@ def modulus(
     OutputError, ResumeError
         If `out` can't be used.
     """
+    require_seed(seed)
     account = account or Account()
     models: dict[Modulus, str] = {
         STORAGE: _model(model, STORAGE_LADDER),

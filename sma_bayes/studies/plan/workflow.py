@@ -23,6 +23,7 @@ from sma_bayes.errors import (
     UnknownNameError,
     first_of,
     require_known,
+    require_seed,
 )
 from sma_bayes.fitting.curves import interval
 from sma_bayes.progress import Progress, silent
@@ -153,6 +154,7 @@ def plan(
     -----
     See `sma_bayes.studies.plan.information` for quantities, `sma_bayes.studies.plan.apart` for rivals.
     """
+    require_seed(seed)
     question = parse_asked(asked)
     setup_hours = hours_of(setup, "setup")
     _require_options(hours, scatter, branch)

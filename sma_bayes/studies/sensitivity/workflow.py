@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, ClassVar, Final
 
 from sma_bayes.account import Account
-from sma_bayes.errors import QuantityError
+from sma_bayes.errors import QuantityError, require_seed
 from sma_bayes.progress import Progress, silent
 from sma_bayes.report.choice import REPORT, figures_for
 from sma_bayes.runs.declared_units import declared_parts, shown_units
@@ -80,6 +80,7 @@ def sensitivity(
     densities of the sampled coordinates: of the logarithm of a parameter that has a sign, of the probit of one that has
     bounds.
     """
+    require_seed(seed)
     work = RunContext(SENSITIVITY, jobs, figures_for(figures), progress or silent, account or Account())
     with work.account.timed("read"):
         run = read_run(Path(folder))
@@ -94,6 +95,7 @@ def sensitivity_of(
     source: FitSource, at: str | Sequence[str] = (), seed: int = 0, jobs: int | None = None
 ) -> dict[str, Any]:
     """Tell what the numbers of a fit rest on, wherever it is; see `sensitivity`."""
+    require_seed(seed)
     asked = (at,) if isinstance(at, str) else tuple(at)
     check(source, asked)
     return find(source, asked, seed, None, RunContext(SENSITIVITY, jobs, "none")).as_json()

@@ -15,7 +15,7 @@ from sma_bayes.account import Account
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.assess.inverse import Passage
-from sma_bayes.errors import MeasurementError, SmaBayesError, UnknownNameError, require_known
+from sma_bayes.errors import MeasurementError, SmaBayesError, UnknownNameError, require_known, require_seed
 from sma_bayes.fitting.curves import interval, quantiles
 from sma_bayes.parameters.priors_file import PriorSet, parse_priors
 from sma_bayes.progress import Progress, silent
@@ -140,6 +140,7 @@ def simulate(
     OutputError, ResumeError
         If `folder` holds no finished fit, or `out` can't be used.
     """
+    require_seed(seed)
     _require_options(current, reach, rule, pool, probability, draws)
     spent = account or Account()
     profile = None if current is None else read_profile(current)

@@ -14,7 +14,7 @@ from pydantic import Field
 
 from sma_bayes.account import Account
 from sma_bayes.arrays import Floats
-from sma_bayes.errors import MeasurementError, SmaBayesError, many
+from sma_bayes.errors import MeasurementError, SmaBayesError, many, require_seed
 from sma_bayes.progress import Progress, silent
 from sma_bayes.records.types import Record
 from sma_bayes.report.choice import REPORT, figures_for
@@ -143,6 +143,7 @@ def watching(
     account: Account | None = None,
 ) -> Iterator[Watch]:
     """Open a watch that takes files as they come; see `watch`."""
+    require_seed(seed)
     if not 0.0 < alpha < 1.0:
         raise SmaBayesError(f"--alpha {alpha:g}", expected="a probability between 0 and 1")
     work = RunContext(WATCH, None, figures_for(figures), progress or silent, account or Account())
