@@ -349,7 +349,7 @@ def _note_contradictions(
             name, against = _branch(s).value, "falls" if s.heating else "rises"
             message = (
                 f"branch says {name}, but the temperature {against} by "
-                f"{ledger.amount('temperature', back, difference=True)}"
+                f"{ledger.amount('temperature', back, difference=True, digits=4)}"
             )
             message += "; the column is believed"
             ledger.note(rows[s.start : s.stop], "branch-contradicted", message, column="branch", branch=name)
@@ -409,7 +409,7 @@ def _long_enough(ledger: Ledger, legs: list[Leg], least: int) -> list[Leg]:
     if len(found) == 1:
         (only,) = found
         ends = ledger.run.columns["temperature"][legs[0].rows[[0, -1]]]
-        course = " to ".join(ledger.amount("temperature", float(t)) for t in ends)
+        course = " to ".join(ledger.amount("temperature", float(t), digits=4) for t in ends)
         message = (
             f"there is a {only.value} branch only, from {course}; it is fitted alone, and nothing follows about "
             "hysteresis, for which the way back has to be recorded too; where that stands in another file, declare "
@@ -439,7 +439,7 @@ def _note_quality(ledger: Ledger, legs: list[Leg], channels: tuple[str, ...]) ->
     _note_steps(ledger, rows)
     swept = float(np.ptp(run.columns["temperature"][rows]))
     if run.units.get("temperature") == "degC" and swept < MAX_DRIFT:
-        by = ledger.amount("temperature", swept, difference=True)
+        by = ledger.amount("temperature", swept, difference=True, digits=4)
         message = f"the temperature hardly varies, by {by} in all: a drift, no sweep"
         ledger.note(rows[:0], "narrow-sweep", message, column="temperature")
     time = run.columns.get("time")
@@ -495,7 +495,7 @@ def _note_temperature(ledger: Ledger, rows: Ints) -> None:
     temperature = ledger.run.columns["temperature"]
     swept = temperature[rows]
     if ledger.run.units.get("temperature") == "degC" and looks_like_kelvin(swept):
-        low, high = (ledger.amount("temperature", float(t)) for t in (swept.min(), swept.max()))
+        low, high = (ledger.amount("temperature", float(t), digits=4) for t in (swept.min(), swept.max()))
         message = f'temperatures from {low} to {high} look like kelvin; if so, declare unit = "kelvin"'
         ledger.note(rows[:0], "kelvin", message, column="temperature")
     if are_row_numbers(temperature):

@@ -125,6 +125,12 @@ class StatedEffect(DocumentPart):
     aliased_with: Items[str] = Field(description="settings that vary only together with this one")
     confounded_with: Items[StatedConfounder] = Field(description="what else went along with it")
 
+    @property
+    def sure(self) -> bool:
+        """Whether its direction is, by 95 %."""
+        p = self.probability_rises
+        return p is not None and (p < 0.05 or p > 0.95)
+
 
 class PopulationSampling(DocumentPart):
     """How the model over conditions was sampled."""
@@ -299,6 +305,11 @@ class ConditionsFindings(StudyFindings, DeclaredUnits):
 
 class ConditionsDocument(RunAccount, FilesBeside, ConditionsFindings):
     """What `conditions.json` holds."""
+
+    @property
+    def told_effects(self) -> tuple[StatedEffect, ...]:
+        """What settings do, where it is known: those whose directions are counted."""
+        return tuple(e for e in self.effects if e.beyond and e.feature != "share_left")
 
 
 StoredConditions = FinishedRun[ConditionsDocument]

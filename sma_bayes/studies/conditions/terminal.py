@@ -50,8 +50,8 @@ def conditions_text(stated: Mapping[str, Any]) -> str:
             _range_text(n, min(v.values), max(v.values), v.unit, specimen) for n, v in group.varied.items()
         ]
         lines.append(f"{', '.join(group.conditions)}: {', '.join(ranges) or 'nothing varied'}")
-    told = [e for e in found.effects if e.beyond and e.feature != "share_left"]
-    sure = [e for e in told if _sure(e)]
+    told = found.told_effects
+    sure = [e for e in told if e.sure]
     lines += [_effect_text(e, e.beyond, specimen) for e in sure if e.beyond]
     if told:
         lines.append(
@@ -85,11 +85,6 @@ def _tested_text(found: ConditionsDocument, specimen: bool) -> list[str]:
     for why in dict.fromkeys(e.why for e in tested):
         lines.append(f"  so the tested conditions differ, and no more is known: {why}")
     return lines
-
-
-def _sure(effect: StatedEffect) -> bool:
-    p = effect.probability_rises
-    return p is not None and (p < 0.05 or p > 0.95)
 
 
 def _effect_text(e: StatedEffect, b: IntervalDocument, specimen: bool) -> str:

@@ -34,7 +34,7 @@ from sma_bayes.studies.conditions.document import (
     study_parts,
 )
 from sma_bayes.studies.conditions.population import PRIOR_MEDIAN_SCATTER
-from sma_bayes.studies.conditions.schema import ConditionsFindings, ConditionsOptions
+from sma_bayes.studies.conditions.schema import ConditionsDocument, ConditionsFindings, ConditionsOptions
 from sma_bayes.studies.conditions.study import ConditionStudy, bands_of, study
 from sma_bayes.studies.fit.tasks import FitTask, sample_task
 from sma_bayes.studies.identity import fit_identity, of_fit
@@ -213,9 +213,15 @@ class ConditionsTable(FromFitTable):
     scatter: float = Field(default=PRIOR_MEDIAN_SCATTER, gt=0.0, le=SCATTER_LIMIT.value)
 
 
-def _told(found: Mapping[str, Any]) -> str:
-    counts = {"effects": "effects", "predictions": "predictions", "held_out": "left out"}
-    return ", ".join(f"{len(found[key])} {what}" for key, what in counts.items())
+def _told(stated: Mapping[str, Any]) -> str:
+    found = ConditionsDocument.model_validate(stated)
+    sure = sum(e.sure for e in found.told_effects)
+    told = [f"{sure} of {len(found.told_effects)} effects have a 95 % sure direction"]
+    if found.predictions:
+        told.append(f"{len(found.predictions)} predicted")
+    if found.held_out:
+        told.append(f"{len(found.held_out)} left out")
+    return ", ".join(told)
 
 
 STEP: Final = StudyStep(

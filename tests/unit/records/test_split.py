@@ -112,9 +112,12 @@ def test_default_settings() -> None:
 
 def test_one_branch_is_fitted_alone_and_said() -> None:
     columns = {name: values[:100] for name, values in spring().items()}
+    columns["temperature"] = columns["temperature"] + 0.1234
     records, findings = split(make_run(**columns))
     assert list(records) == ["heating"]
-    assert kinds(findings) == {"one-branch"}
+    (only,) = findings
+    assert only.kind == "one-branch"
+    assert "from 20.15 °C to 89.42 °C" in only.message
 
 
 def test_part_cycles_are_dropped_or_kept_by_their_span() -> None:

@@ -17,6 +17,7 @@ from sma_bayes.studies.conditions.tables import (
     preferred_way,
 )
 from sma_bayes.studies.conditions.terminal import conditions_text
+from sma_bayes.studies.conditions.workflow import STEP
 
 
 def held(**ways: tuple[float, float]) -> dict[str, Any]:
@@ -94,9 +95,12 @@ def test_every_sure_direction_is_told() -> None:
         "tested": interval, "beyond": interval, "probability_rises": 0.022, "scatter": None, "spare": 1,
         "aliased_with": [], "confounded_with": [], "defined": 1.0,
     }  # fmt: skip
-    text = conditions_text({**study(), "effects": [effect]})
+    left = {**effect, "feature": "share_left"}
+    found = {**study(held(hierarchical=(0.9, 0.4))), "effects": [effect, left, {**effect, "beyond": None}]}
+    text = conditions_text(found)
     assert "greatest slope of force, heating ×0.650 [0.530, 0.840]" in text
     assert "1 of 1 effects have a 95 % sure direction" in text
+    assert STEP.told(found) == "1 of 1 effects have a 95 % sure direction, 1 predicted, 1 left out"
 
 
 def test_of_two_conditions_it_is_told_how_they_differ_and_why_no_more() -> None:
