@@ -81,9 +81,14 @@ class RunContext:
         folder = Path(out).absolute()  # workers of a cluster stand elsewhere
         with claimed_folder(folder, identity, resume):
             finished = (folder / self.document.file).is_file()
-            found = self.document.read(folder) if finished else find(folder).as_json()
-        if not finished:
-            return self.end(folder, {**found, FILES: files_beside(folder)})
+            found = None if finished else find(folder).as_json()
+        if found is None:
+            return self.earlier(folder)
+        return self.end(folder, {**found, FILES: files_beside(folder)})
+
+    def earlier(self, folder: Path) -> dict[str, Any]:
+        """Read the results of an earlier call, and draw the report where there is none."""
+        found = self.document.read(folder)
         if self.drawn != "none" and not (folder / "report.html").is_file():
             self._report(folder)
         return found

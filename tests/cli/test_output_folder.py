@@ -98,11 +98,7 @@ def test_resuming_a_finished_run_gives_it_again(run: Run, done: Path) -> None:
         run("fit", done / "run.csv", "--out", done / "out", "--no-figures", "--jobs", 1, "--resume", "-q").err
         == ""
     )
-    after = content(done / "out")
-    assert after.keys() == before.keys()
-    for name in before:
-        if name.startswith(("bands", "run", "priors")):
-            assert after[name] == before[name], name
+    assert content(done / "out") == before  # read, and not done again
 
 
 @pytest.mark.parametrize("text", ['{"half', "[]", ""])

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -162,6 +163,17 @@ def test_chains_stay_until_all_is_told_and_the_draws_can_be_made_again(
         fit_campaign(read_campaign(data), out, jobs=1, figures=False, resume=True)
         assert_same_run(whole, out)
         assert not (out / "checkpoints").exists()
+        (out / "summary.json").unlink()
+
+
+def test_files_that_a_finished_run_lacks_are_made_again(
+    data: Path, whole: Path, assert_same_run: Same
+) -> None:
+    out = data / "lacking"
+    shutil.copytree(whole, out)
+    (out / "posterior" / "light-heating.nc").unlink()
+    fit_campaign(read_campaign(data), out, jobs=1, figures=False, resume=True)
+    assert_same_run(whole, out)
 
 
 @pytest.mark.slow

@@ -216,10 +216,14 @@ def _condition_task(tasks: tuple[FitTask, ...]) -> Part:
 
 
 def _is_finished(folder: Path, condition: str, tasks: Iterable[FitTask]) -> bool:
-    records = [record for task in tasks for record in task.records]
-    files = [folder / "posterior" / f"{r.key}.nc" for r in records]
-    files += [folder / "bands" / f"{r.key}-{c}.csv" for r in records for c in band_channels(r)]
-    return all(path.is_file() for path in (part_path(folder, condition), *files))
+    own = all(has_files(folder, record) for task in tasks for record in task.records)
+    return own and part_path(folder, condition).is_file()
+
+
+def has_files(folder: Path, record: Record) -> bool:
+    """Whether a folder has the posterior and all bands of a record."""
+    bands = (folder / "bands" / f"{record.key}-{c}.csv" for c in band_channels(record))
+    return all(path.is_file() for path in (folder / "posterior" / f"{record.key}.nc", *bands))
 
 
 def _assess_task(task: FitTask) -> _Assessed:

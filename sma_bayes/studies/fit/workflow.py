@@ -31,8 +31,10 @@ from sma_bayes.response.arrangement import ArrangedSpring
 from sma_bayes.runs.documents import FIT
 from sma_bayes.runs.fit_document import (
     FitFindings,
+    FitSummary,
     OptionsSummary,
     RecordSummary,
+    read_fit,
 )
 from sma_bayes.runs.jobs import run
 from sma_bayes.runs.output_folder import claimed_folder
@@ -43,7 +45,7 @@ from sma_bayes.studies.fit.chains import remove_chains
 from sma_bayes.studies.fit.fitted import Fits, by_record, shown_progress
 from sma_bayes.studies.fit.parts import remove_parts
 from sma_bayes.studies.fit.self_check import check_self_check, checked, replicates_asked
-from sma_bayes.studies.fit.tasks import expected_s, fitted, sample_task, tasks_of
+from sma_bayes.studies.fit.tasks import expected_s, fitted, has_files, sample_task, tasks_of
 from sma_bayes.studies.identity import of_campaign, run_identity
 from sma_bayes.studies.options import (
     DEFAULT_SAMPLER,
@@ -233,11 +235,19 @@ def fit_campaign(
     check_self_check(options, replicates)
     check_call(groups, options)
     with claimed_folder(folder, run_identity(campaign, options), resume):
-        records, averages, loops = _fitted(
-            groups, options, folder, work, doubted_conditions(campaign.findings)
-        )
+        earlier = _finished(folder, campaign)
+        if earlier is None:
+            records, averages, loops = _fitted(
+                groups, options, folder, work, doubted_conditions(campaign.findings)
+            )
+        else:
+            records, averages, loops = earlier.records, earlier.correlation_average, earlier.loops
         if replicates:
             records = _checked(records, self_check, seed, folder, work)
+    if earlier is not None and records == earlier.records:
+        stated = work.earlier(folder)
+        _tidy(folder, groups, records)
+        return stated
     with work.account.timed("write"):
         write_text(folder / "priors.toml", options.priors.whole_text)
         if campaign.declaration:
@@ -250,25 +260,36 @@ def fit_campaign(
         ),
         converged=all(r.converged for r in records),
         adequate=all(r.adequate for r in records),
-        records=tuple(records),
-        correlation_average=tuple(averages),
-        loops=tuple(loops),
+        records=records,
+        correlation_average=averages,
+        loops=loops,
     )
     if campaign.data_dir:
         summary = summary.but(data_dir=campaign.data_dir)
     stated = work.end(folder, summary.as_json())
+    _tidy(folder, groups, records)
+    return stated
+
+
+def _finished(folder: Path, campaign: Campaign) -> FitSummary | None:
+    """What an earlier call has found, where that and all files of its records are there."""
+    there = (folder / FIT.file).is_file() and all(has_files(folder, r) for r in campaign.records)
+    return read_fit(folder) if there else None
+
+
+def _tidy(folder: Path, groups: Sequence[tuple[Record, ...]], records: Sequence[RecordSummary]) -> None:
+    """Remove what the summary holds as well, and chains that are soon made again."""
     remove_parts(folder)
     remove_chains(folder, groups, {r.key: r.log_likelihood_evaluations for r in records})
-    return stated
 
 
 def _checked(
     records: Sequence[RecordSummary], asked: bool | int, seed: int, folder: Path, work: RunContext
-) -> list[RecordSummary]:
+) -> tuple[RecordSummary, ...]:
     """Entries of records with what their self-check says; its ranks are written to the folder."""
     draws = [(draws_of(folder, r, seed), bool(r.quantities_of_branch)) for r in records]
     found = checked(draws, asked, seed, folder, work.jobs, work.account, work.tell)
-    return [r.but(self_check=one) for r, one in zip(records, found, strict=True)]
+    return tuple(r.but(self_check=one) for r, one in zip(records, found, strict=True))
 
 
 def _to_do(groups: Sequence[tuple[Record, ...]], options: FitOptions) -> str:
@@ -283,7 +304,7 @@ def _fitted(
     folder: Path,
     work: RunContext,
     doubted: Collection[str],
-) -> tuple[list[RecordSummary], list[CorrelationAverage], list[QuantityInterval]]:
+) -> tuple[tuple[RecordSummary, ...], tuple[CorrelationAverage, ...], tuple[QuantityInterval, ...]]:
     """Records, average correlation factors and loops of the summary; draws are let go as soon as they are averaged."""
     total = sum(len(group) for group in groups)
     to_do = _to_do(groups, options)
@@ -302,12 +323,12 @@ def _fitted(
             continue
         lost = f" ({len(work.account.lost)} workers lost)" if work.account.lost else ""
         work.tell(len(records), total, f"sampled {', '.join(r.key for r in part.records)}{lost}")
-    averaged = [
+    averaged = tuple(
         CorrelationAverage(data=data, **entry)
         for data, found in averages.items()
         for entry in found.entries()
-    ]
-    return records, averaged, loops
+    )
+    return tuple(records), averaged, tuple(loops)
 
 
 class FitTable(StepTable):
