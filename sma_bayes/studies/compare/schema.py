@@ -204,6 +204,11 @@ class ComparedRecord(StatedVerdict):
     converged: bool = Field(description="whether every model converged")
     wall_s: Number = Field(description="time that it took [s]")
 
+    @property
+    def name(self) -> str:
+        """What it is called for people."""
+        return f"{self.condition}-{self.branch} {self.quantity}"
+
 
 class OverallAverages(DocumentPart):
     """Averages of the correlation factors of a model, over each branch and over both."""
@@ -267,9 +272,11 @@ class ComparisonFindings(StudyFindings, DeclaredUnits):
     findings: Items[FindingDocument] = Field(description="what was found about the measurements")
 
     def reason(self, record: ComparedRecord) -> str:
-        """Why a record has its verdict, without the models that are one curve where all records together say so."""
+        """Why a record has its verdict; models that are one curve are counted where all records together name them."""
         told = any(g.twins == record.twins and g.quantity == record.quantity for g in self.overall)
-        return (record.why_alone or record.why) if told else record.why
+        if not told or not record.why_alone:
+            return record.why
+        return f"one curve by {len(record.twins)} names, {record.why_alone}"
 
 
 class ComparisonDocument(RunAccount, FilesBeside, ComparisonFindings):

@@ -7,7 +7,7 @@ from typing import Any
 
 from sma_bayes.errors import many, nats
 from sma_bayes.report.screen import show_text
-from sma_bayes.studies.compare.schema import ComparedRecord, ComparisonDocument
+from sma_bayes.studies.compare.schema import ComparisonDocument
 from sma_bayes.studies.compare.verdict import CANNOT_TELL
 from sma_bayes.studies.compare.words import spoken
 
@@ -23,25 +23,18 @@ def comparison_text(found: dict[str, Any]) -> str:
     lines = [f"{document.campaign}, seed {document.seed}"]
     if document.model_choice is not None:
         lines.append(f"  model {document.model_choice.reason}")
-    names = [f"{r.condition}-{r.branch} {r.quantity}" for r in document.records]
-    width = max(map(len, names))
-    for name, r in zip(names, document.records, strict=True):
+    width = max(len(r.name) for r in document.records)
+    for r in document.records:
         factor = r.ln_bayes_factor
         beaten = "" if factor is None else f", ln Bayes factor {nats(factor)} over the {spoken(r.rival)}"
         rival = beaten if r.rival else ""
-        outcome = _untold(document, r) if r.verdict == CANNOT_TELL else f"the {spoken(r.preferred)}{rival}"
-        lines.append(f"  {name:<{width}}  {spoken(r.verdict):<16}  {outcome}")
+        outcome = document.reason(r) if r.verdict == CANNOT_TELL else f"the {spoken(r.preferred)}{rival}"
+        lines.append(f"  {r.name:<{width}}  {spoken(r.verdict):<16}  {outcome}")
     for group in document.overall:
         counted = f"{group.quantity}, {many(len(group.records), 'record')} together"
         lines.append(f"{counted}: {spoken(group.verdict).upper()}. {group.why}")
     lines += [f"remark: {text}" for text in document.declared_differently]
     if not document.converged:
-        failed = ", ".join(name for name, r in zip(names, document.records, strict=True) if not r.converged)
+        failed = ", ".join(r.name for r in document.records if not r.converged)
         lines.append(f"NOT CONVERGED: {failed}. The report says which models.")
     return "\n".join(lines)
-
-
-def _untold(document: ComparisonDocument, record: ComparedRecord) -> str:
-    """Why a record does not tell models apart; names of one curve are counted where all records together name them."""
-    why = document.reason(record)
-    return why if why == record.why else f"one curve by {len(record.twins)} names, {why}"

@@ -8,9 +8,13 @@ import numpy as np
 import pytest
 
 from sma_bayes import fit_campaign, sensitivity
+from sma_bayes.checksum import KEY
 from sma_bayes.records.campaign import read_campaign
-from sma_bayes.runs.documents import SENSITIVITY
+from sma_bayes.report.choice import ReportOptions
+from sma_bayes.runs.documents import COMPARISON, SENSITIVITY, sealed
 from sma_bayes.runs.finished_run import read_finished
+from sma_bayes.runs.store import write_json
+from sma_bayes.studies.compare.report import build_report
 from sma_bayes.studies.compare.terminal import comparison_text
 from sma_bayes.studies.compare.workflow import compare
 from sma_bayes.studies.inspect.terminal import show_inspection
@@ -80,3 +84,9 @@ def test_a_comparison_names_the_strain(wire: Path, tmp_path: Path) -> None:
     assert "one curve by 3 names, ahead of the " in row, "why it can't is told beside it"
     assert text.count("are the same curve of this channel") == 1, "what all records share is told once"
     assert "displacement" not in text
+    fail = {**found, "converged": False, "records": [{**r, "converged": False} for r in found["records"]]}
+    write_json(tmp_path / "out" / COMPARISON.file, sealed({k: v for k, v in fail.items() if k != KEY}))
+    build_report(tmp_path / "out", ReportOptions("report"))
+    page = (tmp_path / "out" / "report.html").read_text(encoding="utf-8")
+    assert "<strong>Not converged:</strong> a-heating strain" in page
+    assert "one curve by 3 names, ahead of the " in page, "as on the screen"
