@@ -271,11 +271,14 @@ def fit_table(records: Sequence[RecordContent]) -> Table:
 
 def correlation_table(records: Sequence[RecordContent]) -> Table:
     """Correlation factors, R2 and RMSE over the posterior."""
+    beside = any(r.document.discrepancy for r in records)
     return table_of(
         "correlation",
         "Correlation factors",
         f"Median and {INTERVAL} over the posterior curves; against the measured data, and against data replicated "
-        "from the posterior.",
+        "from the posterior."
+        + beside
+        * " Adjusted R² counts the parameters of the model, not what the discrepancy beside it takes up.",
         [
             (r, c, which, found)
             for r in records

@@ -370,7 +370,8 @@ class RecordSummary(DocumentPart):
     correlation: dict[str, dict[str, Factor]] = Field(
         default_factory=dict,
         description="by channel `r`, `r2`, `adj_r2` [1] and `rmse` = sqrt(sse/n) [unit]: posterior curves against the "
-        "data ([definitions](../explanation/correlation.md))",
+        "data ([definitions](../explanation/correlation.md)); `adj_r2` counts the parameters of the model, not what a "
+        "discrepancy beside it takes up",
     )
     correlation_replicated: dict[str, dict[str, Factor]] = Field(
         default_factory=dict, description="the same against data replicated from the posterior"

@@ -21,6 +21,7 @@ from sma_bayes.report.tables import (
     Column,
     Table,
     cell_text,
+    correlation_table,
     csv_columns,
     group_text,
     powers,
@@ -30,6 +31,7 @@ from sma_bayes.report.tables import (
     write_tables,
 )
 from sma_bayes.report.took import account_table
+from sma_bayes.runs.fit_document import DiscrepancySummary
 from sma_bayes.runs.schema import FindingDocument, RunAccount, Workers
 
 TABLES = (
@@ -99,6 +101,13 @@ def test_a_goodness_of_fit_is_what_its_note_says(content: Content) -> None:
     columns = {k.split(" [")[0]: v for k, v in csv_columns(table).items()}
     sse, n, p, rmse = (np.asarray(columns[k], dtype=float) for k in ("sse", "n", "p", "rmse"))
     np.testing.assert_allclose(rmse, np.sqrt(sse / (n - p)))
+
+
+def test_adjusted_r2_says_that_a_discrepancy_is_not_counted(content: Content) -> None:
+    record, beside = content.records[0], cast("dict[str, DiscrepancySummary]", {"force": object()})
+    missed = replace(record, document=record.document.model_copy(update={"discrepancy": beside}))
+    assert "discrepancy" not in correlation_table([record]).note
+    assert "not what the discrepancy beside it takes up" in correlation_table([missed]).note
 
 
 def test_an_estimate_becomes_three_columns() -> None:
