@@ -50,8 +50,8 @@ DESIGNS_OF_NOTHING = ("standard", "standard", "one_cycle", "unequal_sampling", "
 """Designs of campaigns in which nothing is hidden, by turns."""
 ENGINE = (
     *(f"studies/gap/{name}.py" for name in (
-        "effect_form", "finite", "fitting", "flexible", "free_shape", "heating", "hypothesis", "locate", "name",
-        "noise", "one_stage", "periodic", "scatter", "splines", "study", "switching",
+        "effect_form", "finite", "fitting", "flexible", "free_shape", "heating", "hypothesis", "jumps", "locate",
+        "name", "noise", "one_stage", "periodic", "scatter", "splines", "study", "switching",
     )),
     "effects", "response", "records/history.py", "noise",
 )  # fmt: skip

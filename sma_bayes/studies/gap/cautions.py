@@ -83,6 +83,11 @@ def _about_scatter(found: GapOfModel) -> Iterator[str]:
                 "cycle in each condition, so a cause that is not in the catalogue and dies away explains as much "
                 "(training, a rig that warms up); a condition that is begun anew tells."
             )
+        elif e.follows is not None and e.follows.alternates:
+            yield (
+                f"{e.id} is no name: {100.0 * e.follows.share:.0f} % of what cycles have of their own is how odd ones "
+                "differ from even ones, so what is done anew for every second cycle explains as much."
+            )
         elif e.follows is not None:
             yield (
                 f"{e.id} is no name: {100.0 * e.follows.share:.0f} % of what {members[0]}s have of their own goes with "

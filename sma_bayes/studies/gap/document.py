@@ -18,6 +18,7 @@ from sma_bayes.studies.gap.close import NOISE_ONLY_RMS, Gap
 from sma_bayes.studies.gap.fitting import FittedHypothesis, nearest
 from sma_bayes.studies.gap.flexible import FlexibleTerms, TermWorth, worth_of
 from sma_bayes.studies.gap.heating import heat_parameters
+from sma_bayes.studies.gap.jumps import Jump
 from sma_bayes.studies.gap.locate import Disagreement
 from sma_bayes.studies.gap.name import (
     LEAST_LN_BAYES_FACTOR,
@@ -48,6 +49,7 @@ from sma_bayes.studies.gap.schema import (
     StatedChannelGap,
     StatedDisagreement,
     StatedGap,
+    StatedJump,
     StatedNoise,
     StatedRemaining,
     StatedRound,
@@ -102,6 +104,7 @@ def gap_of_model(outcome: GapOutcome) -> GapOfModel:
         converged=outcome.converged,
         disagreement=() if none else found,
         within_chance=found if none else (),
+        jumps=tuple(_jump(study.final, j) for j in study.jumps),
         effects=tuple(e for e in effects if e.id in names),
         partial=tuple(e for e in effects if e.id not in names),
         readings_as_one=outcome.readings_as_one,
@@ -170,6 +173,25 @@ def _sweeps(study: GapStudy) -> StatedSweeps:
 
 def _disagreement(d: Disagreement) -> StatedDisagreement:
     return StatedDisagreement.about(d, from_=d.start, to=d.stop, mean_residual=d.mean)
+
+
+def _jump(fitted: FittedHypothesis, jump: Jump) -> StatedJump:
+    history = fitted.hypothesis.histories[jump.block.history]
+
+    def at(name: str) -> float | None:
+        values = history.inputs.get(name, history.observed.get(name))
+        return None if values is None else float(values[jump.sample])
+
+    return StatedJump(
+        condition=history.condition.id,
+        channel=jump.block.channel,
+        by=jump.by,
+        sample=jump.sample,
+        time=at("time"),
+        cycle=float(history.inputs["cycle"][jump.sample]),
+        branch="heating" if history.inputs["branch"][jump.sample] > 0.0 else "cooling",
+        temperature=at("temperature"),
+    )
 
 
 def _condition(history: History) -> StudiedCondition:

@@ -134,7 +134,7 @@ def log_density_of_size(fitted: FittedHypothesis, change: Floats) -> float:
     change : ndarray, shape (N,)
         What is added, of which the greatest value counts, in standard deviations of the noise of its channel.
     """
-    size = max(float(np.max(np.abs(change[b.at]))) / _noise(fitted, b.channel) for b in fitted.blocks)
+    size = max(float(np.max(np.abs(change[b.at]))) / channel_sd(fitted, b.channel) for b in fitted.blocks)
     each = norm.logpdf(size, scale=COEFFICIENT_SD_GRID)
     return float(logsumexp(each) - np.log(COEFFICIENT_SD_GRID.size) + np.log(size))
 
@@ -195,7 +195,7 @@ class WhitenedTerms:
 
 def shape_terms(fitted: FittedHypothesis) -> tuple[list[Term], list[Term]]:
     """Terms that let the curves bend inside the effects, one a channel: with all splines, and with few."""
-    sizes = {c: _noise(fitted, c) for c in _mechanical(fitted)}
+    sizes = {c: channel_sd(fitted, c) for c in _mechanical(fitted)}
     found = free_curves(fitted, sizes) if sizes else {}
     fine, coarse = ([Term(SHAPE_COVARIATE, c, of[i]) for c, of in found.items()] for i in (0, 1))
     return fine, coarse
@@ -234,7 +234,7 @@ def beyond_shape(fitted: FittedHypothesis, shape: Sequence[Term]) -> tuple[Fitte
 def _loose(fitted: FittedHypothesis, channel: str) -> float:
     """Precision of the coefficient of a spline whose prior is as wide as its channel covers."""
     span = fitted.hypothesis.scales.span.get(channel, 0.0)
-    return float((_noise(fitted, channel) / max(span, 1e-300)) ** 2)
+    return float((channel_sd(fitted, channel) / max(span, 1e-300)) ** 2)
 
 
 @dataclass(frozen=True, slots=True)
@@ -298,7 +298,7 @@ def terms_of(fitted: FittedHypothesis) -> list[Term]:
     for channel in fitted.hypothesis.channels:
         blocks = [b for b in fitted.blocks if b.channel == channel]
         v = _covariates(fitted, channel)
-        size = _noise(fitted, channel)
+        size = channel_sd(fitted, channel)
         rows = np.concatenate([np.arange(b.at.start, b.at.stop) for b in blocks])
         for name, columns in _columns(v):
             whole = np.zeros((fitted.whitened.size, columns.shape[1]))
@@ -311,7 +311,7 @@ def _mechanical(fitted: FittedHypothesis) -> list[str]:
     return [c for c in fitted.hypothesis.channels if c != "temperature"]
 
 
-def _noise(fitted: FittedHypothesis, channel: str) -> float:
+def channel_sd(fitted: FittedHypothesis, channel: str) -> float:
     """Standard deviation of the noise of a channel, the root mean square over all histories.
 
     One for all, so that what is common to all histories stays so.
@@ -357,7 +357,7 @@ def _joint_terms(fitted: FittedHypothesis) -> list[Term]:
             slopes[block], spans[block] = _leverage(fitted, block)
     out = []
     for label, leverage in (("temperature shift", slopes), ("share transformed", spans)):
-        greatest = max(float(np.max(np.abs(v))) / _noise(fitted, b.channel) for b, v in leverage.items())
+        greatest = max(float(np.max(np.abs(v))) / channel_sd(fitted, b.channel) for b, v in leverage.items())
         for name, basis in columns:
             if name in SINGLE_CHANNEL_COVARIATES or (leverage is spans and name != "temperature"):
                 continue

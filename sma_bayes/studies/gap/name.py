@@ -4,12 +4,12 @@ Every effect of the catalogue that the data can test is first screened: its sign
 less what the model's parameters absorb, is laid over the residuals. Those that come near the best are refitted in
 full, with all parameters and the noise anew, and judged by the evidence.
 
-Three guards stand against false names. An effect must be worth more than flexible terms that contain most of its
+Four guards stand against false names. An effect must be worth more than flexible terms that contain most of its
 signature, were their size as surprising as its own, or, with a flexible term on top of it, more than flexible terms are
 without it (`EvidenceBeside`). It must be worth more than the shapes that the curve of one stage can have, or explain
 what no curve of any shape does, the same in every sweep and condition: no specimen is a sigmoid, and an effect that
-only bends its curve is no cause. And the noise keeps its memory throughout, so slow residuals do not count as often as
-they were sampled.
+only bends its curve is no cause. It must be worth as much as a few jumps (`Jumps`). And the noise keeps its memory
+throughout, so slow residuals do not count as often as they were sampled.
 """
 
 from __future__ import annotations
@@ -48,6 +48,7 @@ from sma_bayes.studies.gap.flexible import (
     worth_of,
 )
 from sma_bayes.studies.gap.hypothesis import Hypothesis
+from sma_bayes.studies.gap.jumps import LEAST_SHARE_FOR_OWN_NOISE, Jumps
 from sma_bayes.studies.gap.one_stage import OneStageShapes, claims_a_stage
 from sma_bayes.studies.gap.scatter import lay_together, members_of
 
@@ -80,8 +81,6 @@ BELIEVABLE_PRIOR_MASS = 0.999
 MAX_LOSS_IN_BELIEVABLE_RANGE = 0.01
 """Share of what an effect explains that it may lose with numbers that can be believed: no form is exact, and what is
 plain to see tells its numbers from the next ones by far more than `LEAST_LN_BAYES_FACTOR`."""
-LEAST_SHARE_FOR_OWN_NOISE = 0.5
-"""Share that an effect must carry to be judged by the noise beside it as well."""
 CANCELLING_SIZE = 2.0
 """What an effect adds to a channel over all that was measured of it, beyond which it can only cancel something else."""
 MAX_REFITS = 6
@@ -155,6 +154,8 @@ class EvidenceBeside:
         Log Bayes factor of the effect where the curve is free to have any shape, with the effect as without.
     carried_beyond : float
         Share that the effect has in what it and the best flexible term on top of it explain beside such a curve.
+    rest_beyond_shape : float
+        Log Bayes factor of that term.
     """
 
     over: float
@@ -164,6 +165,7 @@ class EvidenceBeside:
     shape_apart: bool
     beyond_shape: float = np.inf
     carried_beyond: float = 1.0
+    rest_beyond_shape: float = 0.0
 
     @staticmethod
     def of(gained: float, with_it: FlexibleTerms, without: FlexibleTerms) -> EvidenceBeside:
@@ -182,8 +184,10 @@ class EvidenceBeside:
         over_plain, share_plain = gained + on_top - worth_of(without.best), share_of(gained, on_top)
         misshapen = with_it.shape >= MISFIT_LN_BAYES_FACTOR and is_beyond_shape(own, gained)
         if misshapen and max(over, over_plain) >= LEAST_LN_BAYES_FACTOR and share > share_plain:
-            return EvidenceBeside(max(over, over_plain), share, with_it.beyond, on_top, True, own, share)
-        return EvidenceBeside(over_plain, share_plain, with_it.best, on_top, False, own, share)
+            return EvidenceBeside(
+                max(over, over_plain), share, with_it.beyond, on_top, True, own, share, rest
+            )
+        return EvidenceBeside(over_plain, share_plain, with_it.best, on_top, False, own, share, rest)
 
 
 def is_beyond_shape(beyond: float, explained: float) -> bool:
@@ -206,16 +210,25 @@ class Rivals:
     shapes : OneStageShapes
     forms : EffectForms
         Of the effects that the model has.
+    jumps, jumps_within_cycles : Jumps
     """
 
     terms: FlexibleTerms
     shapes: OneStageShapes
     forms: EffectForms
+    jumps: Jumps
+    jumps_within_cycles: Jumps
 
     @staticmethod
     def of(fitted: FittedHypothesis, flexible: Sequence[TermEvidence] = ()) -> Rivals:
         """Rivals in a fitted model; `flexible`, if what such terms bring is known already."""
-        return Rivals(offer(fitted, flexible), OneStageShapes(fitted), EffectForms(fitted))
+        return Rivals(
+            offer(fitted, flexible),
+            OneStageShapes(fitted),
+            EffectForms(fitted),
+            Jumps(fitted),
+            Jumps(fitted, within_cycles=True),
+        )
 
 
 @dataclass(frozen=True, eq=False)
@@ -242,6 +255,9 @@ class Candidate:
     one_stage : float
         Log Bayes factor of the best shape that a curve of one stage can have, for an effect that hangs on it; -inf for
         others.
+    over_jumps : float
+        Log Bayes factor of the effect, with the best flexible term on top of it, over a few jumps, where the curve is
+        free to have any shape; infinite where that was not asked.
     in_own_noise : Candidate or None
         The same, with the noise that is left beside it, if it was judged by that, too; see `in_own_noise`.
     """
@@ -255,6 +271,7 @@ class Candidate:
     beyond_form: float = 0.0
     untestable: str = ""
     one_stage: float = -np.inf
+    over_jumps: float = np.inf
     in_own_noise: Candidate | None = None
 
     @cached_property
@@ -267,14 +284,14 @@ class Candidate:
     def worthy(self) -> bool:
         """Whether it is worth more than functions without meaning and the shape of the curve, in one of both noises."""
         own = self.in_own_noise
-        passes = self.plausible and self.beats_flexible and self.beats_shape
+        passes = self.plausible and self.beats_flexible and self.beats_shape and self.beats_jumps
         return passes or (own is not None and own.worthy and own.carries_nearly_all)
 
     @property
     def worthy_outright(self) -> bool:
         """Whether it is `worthy` without `MOST_SHARE_OF_FORM`: such a law comes before one that needs it."""
         own = self.in_own_noise
-        passes = self.plausible and self.beats_flexible_outright and self.beats_shape
+        passes = self.plausible and self.beats_flexible_outright and self.beats_shape and self.beats_jumps
         return passes or (own is not None and own.worthy_outright and own.carries_nearly_all)
 
     @property
@@ -353,6 +370,11 @@ class Candidate:
         """
         more = self.ln_bayes_factor >= self.one_stage + LEAST_LN_BAYES_FACTOR
         return more or (self.beyond_shape and not claims_a_stage(self.effect))
+
+    @property
+    def beats_jumps(self) -> bool:
+        """Whether a few jumps, at moments that nobody knew beforehand, don't surely explain more."""
+        return self.over_jumps > -LEAST_LN_BAYES_FACTOR
 
     @property
     def weight(self) -> float:
@@ -529,10 +551,15 @@ def judged(
     )
     beyond_form = rivals.forms.share_beyond(signature)
     found = Candidate(screened.effect, extended, gained, guard, covariate, beside, beyond_form)
-    hangs_on_shape = claims_a_stage(screened.effect) or not found.beyond_shape
-    if not (hangs_on_shape and found.plausible and found.beats_flexible):
+    if beside is None or not (found.plausible and found.beats_flexible):
         return found
-    return replace(found, one_stage=rivals.shapes.worth(gained - LEAST_LN_BAYES_FACTOR))
+    if claims_a_stage(screened.effect) or not found.beyond_shape:
+        found = replace(found, one_stage=rivals.shapes.worth(gained - LEAST_LN_BAYES_FACTOR))
+    if not found.beats_shape:
+        return found
+    jumps = rivals.jumps_within_cycles if members_of(screened.effect) else rivals.jumps
+    explained = beside.beyond_shape + beside.rest_beyond_shape
+    return replace(found, over_jumps=jumps.less_than(extended, explained))
 
 
 def screen(fitted: FittedHypothesis, effect: Effect) -> Screened:

@@ -293,6 +293,11 @@ def judgement(study: GapStudy, candidate: Candidate) -> tuple[Status, str]:
             f"one stage of another shape explains as much (ln Bayes factor {candidate.one_stage:.1f} against "
             f"{candidate.ln_bayes_factor:.1f}){_beyond_text(candidate)}; --model offers richer ones"
         )
+    if not candidate.beats_jumps:
+        return "rejected", (
+            f"a few jumps explain more, by a ln Bayes factor of {-candidate.over_jumps:.1f}, than it does with a "
+            "function without a mechanism on top of it"
+        )
     return "rejected", "another effect explains more, and once that is added this one is not needed"
 
 
@@ -351,6 +356,12 @@ def _judgement_of_added(study: GapStudy, candidate: Candidate) -> tuple[Status, 
             "rejected",
             f"added in round {place}, but {100.0 * followed.share:.0f} % of how its members differ is "
             f"{followed.member} alone: something happened there, and the others are alike",
+        )
+    if followed is not None and followed.alternates:
+        return (
+            "rejected",
+            f"added in round {place}, but {100.0 * followed.share:.0f} % of what its members have of their own is how "
+            "odd cycles differ from even ones: anything done for every second cycle explains as much",
         )
     if followed is not None:
         return (

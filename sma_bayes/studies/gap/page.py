@@ -16,6 +16,7 @@ from sma_bayes.studies.gap.schema import GapFindings, GapOfModel, StatedGap
 from sma_bayes.studies.gap.words import (
     channel_text,
     covariate_text,
+    jump_text,
     p_text,
     periodic_text,
     remainder_text,
@@ -49,6 +50,7 @@ def _of_model(study: StoredStudy, found: GapOfModel) -> dict[str, Any]:
         "shape": shape_text(found),
         "folds": fold_texts(found.gap),
         "periodic": [periodic_text(found.channels, line) for line in found.periodic],
+        "jumps": [jump_text(found.channels, jump) for jump in found.jumps],
     }
 
 

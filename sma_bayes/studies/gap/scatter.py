@@ -5,13 +5,13 @@ and is named last. A law of the load, of the cycle, of time, is preferred where 
 makes the measurements more likely beside the random effect: then what members have of their own scatters less.
 
 What members have of their own may still go with a setting that was recorded: then a law of it that is not in the
-catalogue explains as much, and the random effect is a description, not a name. So it is where one member alone differs,
-and where the cycles of each condition settle.
+catalogue explains as much, and the random effect is a description, not a name. So it is where one member alone differs
+or a few do, where the cycles of each condition settle, and where every second one differs.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -39,6 +39,10 @@ LEAST_CYCLES_TO_SETTLE: Final = 5
 """Cycles of each condition, from which on it is asked whether they settle: five that scatter do in 2 % of cases."""
 LEAST_MEMBERS_FOR_ONE: Final = 5
 """Members from which on one of them can be told from scatter: of five that scatter, one holds 90 % in 7 % of cases."""
+LEAST_SHARE_OF_FEW: Final = 0.95
+"""Share of how members differ that a few of them must have where more than one alone differ from the others."""
+MEMBERS_FOR_EACH_OF_FEW: Final = 4
+"""Members for each of these, at least: of those that scatter, a quarter holds 95 % in 1 % of cases at most."""
 SETTINGS: Final = (
     "load", "current", "frequency", "duty_cycle", "rate", "ambient_temperature", "temperature", "cycle", "time",
 )  # fmt: skip
@@ -139,33 +143,36 @@ def holds_beside(law: Effect, beside: FittedHypothesis, alone: FittedHypothesis 
 
 @dataclass(frozen=True, slots=True)
 class FollowedSetting:
-    """What members of a random effect follow: a recorded setting, a settling in each condition, or one that is alone.
+    """What members of a random effect follow: a setting, a course in each condition, or one or few that are alone.
 
     Attributes
     ----------
     covariate : str
         Of `SETTINGS`; what a member is, where one is alone.
     share : float
-        What a straight line in it explains of how members differ, or a settling, or the one member.
+        What a straight line in it explains of how members differ, or a course, or those members.
     member : str or None
-        The one that differs from all others; None where a setting is followed.
+        The one or few that differ from all others; None where a setting is followed.
     settles : bool
         Whether it is the cycle within each condition, and the line one in its logarithm or in what dies away by a
         factor of e a cycle.
+    alternates : bool
+        Whether it is the cycle, of which every second one is like the others that are odd, or even.
     """
 
     covariate: str
     share: float
     member: str | None = None
     settles: bool = False
+    alternates: bool = False
 
 
 def followed_setting(fitted: FittedHypothesis, effect: Effect) -> FollowedSetting | None:
-    """The recorded setting that members of a random effect follow, or the one of them that differs from the others.
+    """The recorded setting that members of a random effect follow, or those of them that differ from all others.
 
     Cycles may also settle in each condition, as those of a specimen that is trained do, or of a rig that warms up: then
     the line is one in the logarithm of their number, or in what dies away with it, with a level and a slope for each
-    condition.
+    condition. And odd cycles may differ from even ones.
 
     None where there is neither, for a law, and with fewer than three members, which are always on a line.
 
@@ -203,27 +210,45 @@ def followed_setting(fitted: FittedHypothesis, effect: Effect) -> FollowedSettin
         return 1.0 - _left(whitening, numbers, np.column_stack([level, values])) / differ
 
     found = [FollowedSetting(name, share(values)) for name, values in settings.items()]
-    found += [
-        FollowedSetting("cycle", share(columns), settles=True)
-        for columns in _settling(hypothesis.histories, NUMBERED_BY[members[0]], there)
-    ]
-    if level.size >= LEAST_MEMBERS_FOR_ONE:
-        found += [
-            FollowedSetting(members[0], share(one), label)
-            for label, one in zip(labels.values(), np.eye(level.size), strict=True)
-        ]
+    if members[0] == "cycle":
+        run, number = _cycles(hypothesis.histories, there)
+        found += [FollowedSetting("cycle", share(c), settles=True) for c in _settling(run, number)]
+        found += [FollowedSetting("cycle", share(number % 2), alternates=True)]
     best = max(found, key=lambda f: f.share, default=None)
-    return best if best is not None and best.share >= LEAST_SHARE_FOLLOWED else None
+    if best is not None and best.share >= LEAST_SHARE_FOLLOWED:
+        return best
+    alone = _alone(share, level.size)
+    if alone is None:
+        return None
+    names = [*labels.values()]
+    return FollowedSetting(
+        members[0], share(np.eye(level.size)[:, alone]), " and ".join(names[i] for i in alone)
+    )
 
 
-def _settling(histories: Sequence[History], numbered_by: str, members: Sequence[int]) -> tuple[Floats, ...]:
-    """Columns (members, k) that settle with the cycles of each condition, beside its level; none if these are few."""
-    if numbered_by != NUMBERED_BY["cycle"]:
-        return ()
-    run, number = np.full(len(members), -1), np.zeros(len(members))
+def _alone(share: Callable[[Floats], float], members: int) -> list[int] | None:
+    """The one member that differs from all others, or the few that do; None where there are none."""
+    chosen: list[int] = []
+    for many in range(1, max(members // MEMBERS_FOR_EACH_OF_FEW, 1) + 1):
+        each = np.eye(members)
+        shares = [share(each[:, [*chosen, i]]) if i not in chosen else 0.0 for i in range(members)]
+        chosen.append(int(np.argmax(shares)))
+        if max(shares) >= (LEAST_SHARE_FOLLOWED if many == 1 else LEAST_SHARE_OF_FEW):
+            return sorted(chosen) if members >= LEAST_MEMBERS_FOR_ONE else None
+    return None
+
+
+def _cycles(histories: Sequence[History], members: Sequence[int]) -> tuple[Floats, Floats]:
+    """Condition of each cycle, by its place, and which of its cycles it is, from 0."""
+    run, number = np.full(len(members), -1.0), np.zeros(len(members))
     for i, h in enumerate(histories):
-        own = np.isin(members, h.inputs[numbered_by])
+        own = np.isin(members, h.inputs[NUMBERED_BY["cycle"]])
         run[own], number[own] = i, np.arange(np.count_nonzero(own))
+    return run, number
+
+
+def _settling(run: Floats, number: Floats) -> tuple[Floats, ...]:
+    """Columns (members, k) that settle with the cycles of each condition, beside its level; none if these are few."""
     level = (run[:, None] == np.unique(run)).astype(float)
     if level.sum(axis=0).min() < LEAST_CYCLES_TO_SETTLE:
         return ()

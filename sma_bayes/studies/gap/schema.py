@@ -63,6 +63,21 @@ class StatedPeriodicity(DocumentPart):
     ln_bayes_factor: Number = Field(description="of a model with the line over one without [1]")
 
 
+class StatedJump(DocumentPart):
+    """A jump of a channel that stays to the end of its condition."""
+
+    condition: str = Field(description="id of the condition")
+    channel: str = Field(description="the channel")
+    by: Number = Field(description="how far it jumps [unit of the channel]")
+    sample: int = Field(description="first sample of the condition after it, from 0")
+    time: NumberOrNull = Field(description="time of that sample; null where none was recorded [s]")
+    cycle: Number = Field(description="cycle of that sample")
+    branch: str = Field(description="`heating` or `cooling`")
+    temperature: NumberOrNull = Field(
+        description="temperature of that sample; null where none was recorded [degC]"
+    )
+
+
 class FlexibleEvidence(DocumentPart):
     """What a flexible term without meaning is worth."""
 
@@ -164,16 +179,17 @@ class FollowedCovariate(DocumentPart):
         description="the setting; of the temperature, its peak; `condition` or `cycle` where one of these differs"
     )
     share: Number = Field(
-        description="what a straight line in it, a settling, or that one explains of how they differ"
+        description="what a straight line in it, a course with the cycle, or those explain of how they differ"
     )
     member: str | None = Field(
-        description="the one that differs from all others; null where a setting is followed"
+        description="the one or few that differ from all others; null where a setting is followed"
     )
     settles: bool = Field(
         default=False,
         description="whether it is the cycle within each condition, and the line one in its logarithm or in what dies "
         "away with it",
     )
+    alternates: bool = Field(default=False, description="whether odd cycles differ from even ones")
 
 
 class AddedEffect(RefittedCandidate):
@@ -188,8 +204,8 @@ class AddedEffect(RefittedCandidate):
     )
     follows: FollowedCovariate | None = Field(
         default=None,
-        description="of a random effect, the recorded setting that its runs or cycles follow, or the one of them that "
-        "differs, which makes it no name; only where there is one",
+        description="of a random effect, the recorded setting that its runs or cycles follow, or the one or few of "
+        "them that differ, which makes it no name; only where there is one",
     )
     probability: Number = Field(
         description="posterior probability among the effects that could be tested, flexible terms and nothing, when "
@@ -454,6 +470,11 @@ class GapOfModel(DocumentPart):
     )
     periodic: Items[StatedPeriodicity] = Field(
         description="lines of spectra that no covariate explains, strongest first"
+    )
+    jumps: Items[StatedJump] = Field(
+        default=(),
+        description="jumps that the final model leaves, where they explain more than any smooth function of a "
+        "covariate does",
     )
     effects: Items[AddedEffect] = Field(
         description="in the order in which they were added; empty unless `named`"

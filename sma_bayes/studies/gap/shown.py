@@ -19,6 +19,7 @@ from sma_bayes.studies.gap.schema import (
     GapDocument,
     GapOfModel,
     StatedDisagreement,
+    StatedJump,
     StatedNoise,
     StatedPeriodicity,
 )
@@ -66,6 +67,11 @@ def part_in_declared_units(found: G, units: Shown) -> G:
     def line(p: StatedPeriodicity) -> StatedPeriodicity:
         return p.but(amplitude=of(p.channel, difference=True).value(p.amplitude))
 
+    def jump(j: StatedJump) -> StatedJump:
+        degrees = shown_as("degC", units, "temperature")
+        temperature = None if j.temperature is None else degrees.value(j.temperature)
+        return j.but(by=of(j.channel, difference=True).value(j.by), temperature=temperature)
+
     def noise(n: StatedNoise) -> StatedNoise:
         return in_unit(n, of(n.channel, difference=True), "sd", "scatter")
 
@@ -78,6 +84,7 @@ def part_in_declared_units(found: G, units: Shown) -> G:
         disagreement=tuple(map(place, found.disagreement)),
         within_chance=tuple(map(place, found.within_chance)),
         periodic=tuple(map(line, found.periodic)),
+        jumps=tuple(map(jump, found.jumps)),
         units={n: shown_as(u, units, n).shown for n, u in found.units.items()}
         | {c: n.unit for c, n in shown.channels.items() if c in found.units},
         noise=tuple(map(noise, found.noise)),

@@ -30,6 +30,7 @@ from sma_bayes.studies.gap.fitting import (
 )
 from sma_bayes.studies.gap.flexible import FlexibleTerms, gains, offer, terms_of, worth_of
 from sma_bayes.studies.gap.hypothesis import Hypothesis, baseline
+from sma_bayes.studies.gap.jumps import Jump, Jumps
 from sma_bayes.studies.gap.locate import SHUFFLES, Disagreement, DisagreementTest, disagreements, look
 from sma_bayes.studies.gap.name import (
     LEAST_LN_BAYES_FACTOR,
@@ -144,6 +145,8 @@ class GapStudy:
         `LEAST_SHARE_BEYOND_SHAPE` of what they explain lies there.
     followed : mapping of str to FollowedSetting
         For each random effect among the effects that follows a recorded setting, which. It is no name.
+    jumps : tuple of Jump
+        Jumps that the final model leaves, where they explain more than the best flexible term, curves free with both.
     """
 
     verdict: Verdict
@@ -154,6 +157,7 @@ class GapStudy:
     explained: float
     carried: float
     followed: Mapping[str, FollowedSetting] = field(default_factory=dict)
+    jumps: tuple[Jump, ...] = ()
 
     @property
     def p_value(self) -> float:
@@ -288,7 +292,19 @@ def study_from(
         if carried >= LEAST_SHARE_CARRIED and _names(current.hypothesis.effects, followed)
         else "unnamed"
     )
-    return GapStudy(verdict, first, current, tuple(steps), tuple(where), explained, carried, followed)
+    jumps = _jumps(steps[-1])
+    return GapStudy(verdict, first, current, tuple(steps), tuple(where), explained, carried, followed, jumps)
+
+
+def _jumps(last: Step) -> tuple[Jump, ...]:
+    """Jumps that a model leaves, if they surely explain more than flexible terms."""
+    if last.look.p_value > SIGNIFICANT_P:
+        return ()
+    jumps = Jumps(last.before)
+    flexible = last.flexible or offer(last.before, last.look.gains)
+    if jumps.worth < worth_of(flexible.beyond) + LEAST_LN_BAYES_FACTOR:
+        return ()
+    return (jumps.in_own_noise or jumps).found
 
 
 def _names(effects: Sequence[Effect], followed: Mapping[str, FollowedSetting]) -> tuple[Effect, ...]:

@@ -27,12 +27,15 @@ from sma_bayes.studies.gap.words import (
     channel_text,
     closed_text,
     covariate_text,
+    jump_text,
     p_text,
     periodic_text,
     remainder_text,
     shape_text,
 )
 
+MOST_JUMPS: Final = 3
+"""Jumps that are told; the file has all."""
 ROWS_OF_ONE_REASON: Final = 3
 """Candidates that have a row each although the reason is the same; more share a line."""
 VERDICTS: Final = {
@@ -71,6 +74,10 @@ def _show_part(console: Screen, found: GapFindings | HeatingFindings, title: str
         console.tell(f"  model {reason}")
     for line in found.periodic[:3]:
         console.tell(f"  {periodic_text(found.channels, line)} ({line.size_sigma:.1f} sigma)")
+    for jump in found.jumps[:MOST_JUMPS]:
+        console.tell(f"  {jump_text(found.channels, jump)}")
+    if len(found.jumps) > MOST_JUMPS:
+        console.tell(f"  and {len(found.jumps) - MOST_JUMPS} more jumps; gap.json has all")
     for d in found.disagreement[:3]:
         console.tell(
             f"  {d.condition} {d.branch}: {channel_text(found.channels, d.channel)} "

@@ -6,7 +6,7 @@ from collections.abc import Mapping
 from typing import Final
 
 from sma_bayes.report.notation import compact, power_text, unit_label
-from sma_bayes.studies.gap.schema import GapOfModel, NamedChannel, StatedPeriodicity
+from sma_bayes.studies.gap.schema import GapOfModel, NamedChannel, StatedJump, StatedPeriodicity
 
 Channels = Mapping[str, NamedChannel]
 
@@ -100,6 +100,23 @@ def periodic_text(channels: Channels, line: StatedPeriodicity) -> str:
     return (
         f"{line.condition}: {channel_text(channels, line.channel)} repeats at {line.frequency:.4g} "
         f"{line.unit}, out of step with the temperature, amplitude {line.amplitude:.3g} {unit}".rstrip()
+    )
+
+
+def jump_text(channels: Channels, jump: StatedJump) -> str:
+    """A jump, in words.
+
+    Returns
+    -------
+    str
+        ``2A: displacement jumps by -0.42 mm at 36.5 s, cycle 3 while heating``
+    """
+    unit = unit_label(channels[jump.channel].unit)
+    when = f"sample {jump.sample + 1}" if jump.time is None else f"{jump.time:.4g} s"
+    return (
+        f"{jump.condition}: {channel_text(channels, jump.channel)} jumps by "
+        + f"{jump.by:.3g} {unit}".rstrip()
+        + f" at {when}, cycle {jump.cycle:g} while {jump.branch}"
     )
 
 

@@ -122,6 +122,48 @@ def test_cycles_that_settle_are_no_name(conditions: int, rig) -> None:
     assert 0.95 < followed.share <= 1.0
 
 
+def test_a_few_cycles_that_differ_are_told_as_few(rig) -> None:
+    plain = rig(
+        cycles=5, samples=30, periods=(60.0,) * 2, loads=(1.0,) * 2, peaks=(95.0,) * 2, seed=5
+    ).campaign()
+    records = []
+    for r in plain.records:
+        off = 0.07 * SPAN * (r.inputs["cycle"] == {"c0": 2.0, "c1": 4.0}[r.condition.id])
+        records.append(replace(r, observed={**r.observed, "displacement": r.observed["displacement"] + off}))
+    only = {"cycle_offset": EFFECTS["cycle_offset"]}
+    found = study_campaign(replace(plain, records=tuple(records)), PRIORS, pooled=True, effects=only)
+    assert [e.id for e in found.effects] == ["cycle_offset"]
+    assert (found.verdict, found.named) == ("unnamed", ())
+    assert found.followed["cycle_offset"].member == "cycle 2 of c0 and cycle 4 of c1"
+
+
+def test_odd_cycles_that_differ_from_even_ones_are_no_name(rig) -> None:
+    plain = rig(cycles=6, samples=30, periods=(60.0,), loads=(1.0,), peaks=(95.0,), seed=5).campaign()
+    off = {f"{k}": 0.05 * SPAN * (k % 2) for k in range(1, 7)}
+    only = {"cycle_offset": EFFECTS["cycle_offset"]}
+    found = study_campaign(moved_by(plain, off, by_cycle=True), PRIORS, pooled=False, effects=only)
+    assert [e.id for e in found.effects] == ["cycle_offset"]
+    assert (found.verdict, found.named) == ("unnamed", ())
+    assert found.followed["cycle_offset"].alternates
+
+
+@pytest.mark.parametrize(("members", "few"), [(8, 2), (12, 3), (15, 3)])
+def test_members_that_scatter_are_rarely_told_as_few(members: int, few: int) -> None:
+    """Numbers that scatter in one dimension alone, the least that tells: 1 % of 1,000 at most, and 2 % by chance."""
+    rng = np.random.default_rng(members)
+
+    def told(x: np.ndarray) -> bool:
+        def share(columns: np.ndarray) -> float:
+            design = np.column_stack([np.ones(members), columns])
+            rest = x - design @ np.linalg.lstsq(design, x, rcond=None)[0]
+            return 1.0 - float(rest @ rest) / float(np.sum((x - x.mean()) ** 2))
+
+        alone = scatter._alone(share, members)
+        return alone is not None and len(alone) == few
+
+    assert sum(told(rng.standard_normal(members)) for _ in range(1000)) <= 20
+
+
 def test_a_part_of_the_measurements_may_lack_members(rig) -> None:
     """Folds leave cycles out, and what these have of their own is then known by its prior alone."""
     plain = rig(cycles=7, samples=30, periods=(60.0,), loads=(1.0,), peaks=(95.0,), seed=5).campaign()
