@@ -16,6 +16,7 @@ from dataclasses import dataclass
 from typing import Final
 
 import numpy as np
+from scipy.stats import chi2
 
 from sma_bayes.arrays import Floats
 from sma_bayes.effects.needs import LEAST_RELATIVE_VARIATION
@@ -41,6 +42,10 @@ LEAST_MEMBERS_FOR_ONE: Final = 5
 """Members from which on one of them can be told from scatter: of five that scatter, one holds 90 % in 7 % of cases."""
 LEAST_SHARE_OF_FEW: Final = 0.95
 """Share of how members differ that a few of them must have where more than one alone differ from the others."""
+LEAST_SHARE_BESIDE_ALIKE: Final = 0.8
+"""The same where the others differ no more than numbers that are not known better do."""
+ALIKE_P: Final = 0.05
+"""Probability up to which numbers that differ as much are not alike."""
 MEMBERS_FOR_EACH_OF_FEW: Final = 4
 """Members for each of these, at least: of those that scatter, a quarter holds 95 % in 1 % of cases at most."""
 SETTINGS: Final = (
@@ -217,24 +222,40 @@ def followed_setting(fitted: FittedHypothesis, effect: Effect) -> FollowedSettin
     best = max(found, key=lambda f: f.share, default=None)
     if best is not None and best.share >= LEAST_SHARE_FOLLOWED:
         return best
-    alone = _alone(share, level.size)
+    alone = _alone(
+        lambda i: _left(whitening, numbers, np.column_stack([level, np.eye(level.size)[:, i]])), level.size
+    )
     if alone is None:
         return None
     names = [*labels.values()]
     return FollowedSetting(
-        members[0], share(np.eye(level.size)[:, alone]), " and ".join(names[i] for i in alone)
+        members[0], share(np.eye(level.size)[:, alone]), ", ".join(names[i] for i in alone)
     )
 
 
-def _alone(share: Callable[[Floats], float], members: int) -> list[int] | None:
-    """The one member that differs from all others, or the few that do; None where there are none."""
+def _alone(left: Callable[[list[int]], float], members: int) -> list[int] | None:
+    """The one member that differs from all others, or the few that do; None where there are none.
+
+    Parameters
+    ----------
+    left : callable
+        Sum of squares that is left of the three numbers of all members where some have levels of their own, which
+        chance alone makes as large as their number.
+    members : int
+    """
+    if members < LEAST_MEMBERS_FOR_ONE:
+        return None
     chosen: list[int] = []
+    differ = left([])
     for many in range(1, max(members // MEMBERS_FOR_EACH_OF_FEW, 1) + 1):
-        each = np.eye(members)
-        shares = [share(each[:, [*chosen, i]]) if i not in chosen else 0.0 for i in range(members)]
-        chosen.append(int(np.argmax(shares)))
-        if max(shares) >= (LEAST_SHARE_FOLLOWED if many == 1 else LEAST_SHARE_OF_FEW):
-            return sorted(chosen) if members >= LEAST_MEMBERS_FOR_ONE else None
+        others = [i for i in range(members) if i not in chosen]
+        rest = [left([*chosen, i]) for i in others]
+        chosen.append(others[int(np.argmin(rest))])
+        share = 1.0 - min(rest) / differ
+        alike = chi2.sf(min(rest), 3 * (members - 1 - many)) > ALIKE_P
+        least = LEAST_SHARE_FOLLOWED if many == 1 else LEAST_SHARE_OF_FEW
+        if share >= (LEAST_SHARE_BESIDE_ALIKE if alike else least):
+            return sorted(chosen)
     return None
 
 

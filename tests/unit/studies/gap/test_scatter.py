@@ -134,7 +134,7 @@ def test_a_few_cycles_that_differ_are_told_as_few(rig) -> None:
     found = study_campaign(replace(plain, records=tuple(records)), PRIORS, pooled=True, effects=only)
     assert [e.id for e in found.effects] == ["cycle_offset"]
     assert (found.verdict, found.named) == ("unnamed", ())
-    assert found.followed["cycle_offset"].member == "cycle 2 of c0 and cycle 4 of c1"
+    assert found.followed["cycle_offset"].member == "cycle 2 of c0, cycle 4 of c1"
 
 
 def test_odd_cycles_that_differ_from_even_ones_are_no_name(rig) -> None:
@@ -153,12 +153,12 @@ def test_members_that_scatter_are_rarely_told_as_few(members: int, few: int) -> 
     rng = np.random.default_rng(members)
 
     def told(x: np.ndarray) -> bool:
-        def share(columns: np.ndarray) -> float:
-            design = np.column_stack([np.ones(members), columns])
+        def left(own: list[int]) -> float:
+            design = np.column_stack([np.ones(members), np.eye(members)[:, own]])
             rest = x - design @ np.linalg.lstsq(design, x, rcond=None)[0]
-            return 1.0 - float(rest @ rest) / float(np.sum((x - x.mean()) ** 2))
+            return 1e4 * float(rest @ rest)  # known to a hundredth of how much they scatter
 
-        alone = scatter._alone(share, members)
+        alone = scatter._alone(left, members)
         return alone is not None and len(alone) == few
 
     assert sum(told(rng.standard_normal(members)) for _ in range(1000)) <= 20
