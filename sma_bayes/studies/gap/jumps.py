@@ -62,9 +62,6 @@ class Jump:
     by: float
 
 
-LEAST_SHARE_FOR_OWN_NOISE = 0.5
-"""Share that an effect or jumps must explain to be judged by the noise beside them as well."""
-
 Place = tuple[ChannelBlock, int]
 """Where a channel may jump, and the first sample after that."""
 
@@ -127,11 +124,10 @@ class Jumps:
         Returns
         -------
         float
-            The smaller one of that in the noise of the model and in that beside the jumps, if these explain
-            `LEAST_SHARE_FOR_OWN_NOISE` of what the two do.
+            The smaller one of that in the noise of the model and in that beside the jumps.
         """
         over = explained - self.worth
-        own = self.in_own_noise if self.worth >= LEAST_SHARE_FOR_OWN_NOISE * explained else None
+        own = self.in_own_noise
         if own is None:
             return over
         with_it = offer(fit_hypothesis(extended.hypothesis, extended.z, own.fitted.noise))

@@ -48,7 +48,7 @@ from sma_bayes.studies.gap.flexible import (
     worth_of,
 )
 from sma_bayes.studies.gap.hypothesis import Hypothesis
-from sma_bayes.studies.gap.jumps import LEAST_SHARE_FOR_OWN_NOISE, Jumps
+from sma_bayes.studies.gap.jumps import Jumps
 from sma_bayes.studies.gap.one_stage import OneStageShapes, claims_a_stage
 from sma_bayes.studies.gap.scatter import lay_together, members_of
 
@@ -81,6 +81,10 @@ BELIEVABLE_PRIOR_MASS = 0.999
 MAX_LOSS_IN_BELIEVABLE_RANGE = 0.01
 """Share of what an effect explains that it may lose with numbers that can be believed: no form is exact, and what is
 plain to see tells its numbers from the next ones by far more than `LEAST_LN_BAYES_FACTOR`."""
+LEAST_SHARE_FOR_OWN_NOISE = 0.5
+"""Share that an effect must carry to be judged by the noise beside it as well."""
+LEAST_SHARE_OF_JUMPS = 0.5
+"""Share of what an effect explains that jumps must explain to be its rivals."""
 CANCELLING_SIZE = 2.0
 """What an effect adds to a channel over all that was measured of it, beyond which it can only cancel something else."""
 MAX_REFITS = 6
@@ -257,7 +261,8 @@ class Candidate:
         others.
     over_jumps : float
         Log Bayes factor of the effect, with the best flexible term on top of it, over a few jumps, where the curve is
-        free to have any shape; infinite where that was not asked.
+        free to have any shape; infinite where these explain less than `LEAST_SHARE_OF_JUMPS` of what it does, or it
+        fails by something else.
     in_own_noise : Candidate or None
         The same, with the noise that is left beside it, if it was judged by that, too; see `in_own_noise`.
     """
@@ -558,6 +563,8 @@ def judged(
     if not found.beats_shape:
         return found
     jumps = rivals.jumps_within_cycles if members_of(screened.effect) else rivals.jumps
+    if jumps.worth < LEAST_SHARE_OF_JUMPS * gained:
+        return found
     explained = beside.beyond_shape + beside.rest_beyond_shape
     return replace(found, over_jumps=jumps.less_than(extended, explained))
 
