@@ -111,7 +111,7 @@ class Jumps:
     def _flexible(self) -> FlexibleTerms:
         return offer(self.fitted)
 
-    def less_than(self, extended: FittedHypothesis, explained: float) -> float:
+    def evidence_over(self, extended: FittedHypothesis, explained: float) -> float:
         """Log Bayes factor of an effect, with the best flexible term on top of it, over the jumps.
 
         Parameters
@@ -143,9 +143,8 @@ class Jumps:
         tried = _Steps(self._free, [(b, i) for b in self.fitted.blocks for i in self._coarse(b)])
         chosen = _Steps(self._free, [])
         worth = 0.0
-        while tried.places and len(chosen.places) < JUMPS_OF_A_CONDITION * len(
-            self.fitted.hypothesis.histories
-        ):
+        most = JUMPS_OF_A_CONDITION * len(self.fitted.hypothesis.histories)
+        while tried.places and len(chosen.places) < most:
             best = tried.places[int(np.argmax(tried.gain_beside(chosen)))]
             longer = self._refined([*chosen.places, best], [len(chosen.places)])
             if self._worth(longer) <= worth:
@@ -162,9 +161,8 @@ class Jumps:
             Jump(block, sample, float(s) * channel_sd(self.fitted, block.channel))
             for (block, sample), s in zip(chosen.places, size, strict=True)
         ]
-        return tuple(sorted(jumps, key=lambda j: (j.block.history, j.block.channel, j.sample))), self._worth(
-            chosen
-        )
+        jumps.sort(key=lambda j: (j.block.history, j.block.channel, j.sample))
+        return tuple(jumps), self._worth(chosen)
 
     def _may_jump(self, block: ChannelBlock) -> Bools:
         """Samples of a block before which it may jump."""
@@ -182,11 +180,9 @@ class Jumps:
     def _coarse(self, block: ChannelBlock) -> list[int]:
         """Samples of a block at which a jump is tried first."""
         places = np.flatnonzero(self._may_jump(block))
-        return (
-            sorted({*places[np.linspace(0, places.size, COARSE_PLACES + 2)[1:-1].astype(int)].tolist()})
-            if places.size
-            else []
-        )
+        if not places.size:
+            return []
+        return np.unique(places[np.linspace(0, places.size, COARSE_PLACES + 2)[1:-1].astype(int)]).tolist()
 
     def _near(self, place: Place, others: Sequence[Place]) -> list[Place]:
         """Where a jump may be moved to from a place of the coarse grid, not too near to others."""

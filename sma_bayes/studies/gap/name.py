@@ -566,7 +566,7 @@ def judged(
     if jumps.worth < LEAST_SHARE_OF_JUMPS * gained:
         return found
     explained = beside.beyond_shape + beside.rest_beyond_shape
-    return replace(found, over_jumps=jumps.less_than(extended, explained))
+    return replace(found, over_jumps=jumps.evidence_over(extended, explained))
 
 
 def screen(fitted: FittedHypothesis, effect: Effect) -> Screened:

@@ -59,7 +59,7 @@ def test_slips_are_no_law_of_the_cycle(slips: GapStudy) -> None:
     assert (slips.verdict, slips.effects) == ("unnamed", ())
     best = max((c for c in slips.steps[0].candidates if c.fitted), key=lambda c: c.ln_bayes_factor)
     assert best.ln_bayes_factor > 100.0
-    assert Jumps(slips.final).less_than(best.fitted, best.beside.beyond_shape) < -100.0
+    assert Jumps(slips.final).evidence_over(best.fitted, best.beside.beyond_shape) < -100.0
 
 
 def test_slips_are_told_where_they_are_and_how_great(slips: GapStudy) -> None:
