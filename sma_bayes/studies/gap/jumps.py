@@ -35,6 +35,8 @@ JUMPS_OF_A_CONDITION = 4
 """Jumps of a condition, at most, on average over all of them."""
 COARSE_PLACES = 40
 """Places of each condition and channel at which a jump is tried first; it is then moved to the sample."""
+GREATEST_INNOVATIONS = 20
+"""Greatest innovations of each of these, at which a jump is tried as well."""
 MAX_REFINEMENTS = 5
 """How often all jumps are moved in turn, at most."""
 EDGE_OF_A_CYCLE = 0.1
@@ -178,11 +180,14 @@ class Jumps:
         return may
 
     def _coarse(self, block: ChannelBlock) -> list[int]:
-        """Samples of a block at which a jump is tried first."""
+        """Samples of a block at which a jump is tried first: at equal distances, and where innovations are greatest.
+
+        The longer noise remembers, the more of a jump is in the one innovation in which it happens.
+        """
         places = np.flatnonzero(self._may_jump(block))
-        if not places.size:
-            return []
-        return np.unique(places[np.linspace(0, places.size, COARSE_PLACES + 2)[1:-1].astype(int)]).tolist()
+        even = np.linspace(0, places.size, COARSE_PLACES + 2)[1:-1].astype(int)[: places.size]
+        greatest = np.argsort(np.abs(self._free.left[block.at][places]))[-GREATEST_INNOVATIONS:]
+        return [int(i) for i in np.unique(places[[*even, *greatest]])]
 
     def _near(self, place: Place, others: Sequence[Place]) -> list[Place]:
         """Where a jump may be moved to from a place of the coarse grid, not too near to others."""

@@ -369,6 +369,11 @@ def _judgement_of_added(study: GapStudy, candidate: Candidate) -> tuple[Status, 
             f"added in round {place}, but {100.0 * followed.share:.0f} % of what its members have of their own goes "
             f"with their {_called(study, followed.covariate)}: a law of that explains as much",
         )
+    if candidate.effect.id in study.jumped:
+        return (
+            "rejected",
+            f"added in round {place}, but beside the other effects a few jumps explain more than it does",
+        )
     if study.verdict != "named":
         return (
             "rejected",

@@ -473,8 +473,8 @@ class GapOfModel(DocumentPart):
     )
     jumps: Items[StatedJump] = Field(
         default=(),
-        description="jumps that the final model leaves, where they explain more than any smooth function of a "
-        "covariate does",
+        description="jumps that explain more than an effect under `partial` in whose place they are, or that the "
+        "final model leaves, where they explain more than any smooth function of a covariate does",
     )
     effects: Items[AddedEffect] = Field(
         description="in the order in which they were added; empty unless `named`"

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from types import MappingProxyType
 
@@ -34,6 +34,7 @@ from sma_bayes.studies.gap.jumps import Jump, Jumps
 from sma_bayes.studies.gap.locate import SHUFFLES, Disagreement, DisagreementTest, disagreements, look
 from sma_bayes.studies.gap.name import (
     LEAST_LN_BAYES_FACTOR,
+    LEAST_SHARE_OF_JUMPS,
     MAX_REFITS,
     MISFIT_LN_BAYES_FACTOR,
     Candidate,
@@ -145,7 +146,9 @@ class GapStudy:
         `LEAST_SHARE_BEYOND_SHAPE` of what they explain lies there.
     followed : mapping of str to FollowedSetting
         For each random effect among the effects that follows a recorded setting, which. It is no name.
-    jumps : tuple of Jump
+    jumped : mapping of str to tuple of Jump
+        For each effect that a few jumps in its place explain more than, beside all others, these. It is no name.
+    left_jumps : tuple of Jump
         Jumps that the final model leaves, where they explain more than the best flexible term, curves free with both.
     """
 
@@ -157,7 +160,13 @@ class GapStudy:
     explained: float
     carried: float
     followed: Mapping[str, FollowedSetting] = field(default_factory=dict)
-    jumps: tuple[Jump, ...] = ()
+    jumped: Mapping[str, tuple[Jump, ...]] = field(default_factory=dict)
+    left_jumps: tuple[Jump, ...] = ()
+
+    @property
+    def jumps(self) -> tuple[Jump, ...]:
+        """Jumps that explain more than an effect in whose place they are, or that the final model leaves."""
+        return next(iter(self.jumped.values()), self.left_jumps)
 
     @property
     def p_value(self) -> float:
@@ -193,7 +202,7 @@ class GapStudy:
     @property
     def named(self) -> tuple[Effect, ...]:
         """Those of them that are names; none without that verdict."""
-        return _names(self.effects, self.followed) if self.verdict == "named" else ()
+        return _names(self.effects, {*self.followed, *self.jumped}) if self.verdict == "named" else ()
 
     @property
     def classes(self) -> dict[str, tuple[str, ...]]:
@@ -285,18 +294,36 @@ def study_from(
     carried = _carried(steps[-1].look, bare, current, explained)
     settings = {e.id: followed_setting(current, e) for e in current.hypothesis.effects}
     followed = {name: f for name, f in settings.items() if f is not None}
+    instead = {e.id: _jumps_instead_of(current, e) for e in current.hypothesis.effects}
+    jumped = {name: jumps for name, jumps in instead.items() if jumps}
     verdict: Verdict = (
         "none"
         if steps[0].look.p_value > SIGNIFICANT_P
         else "named"
-        if carried >= LEAST_SHARE_CARRIED and _names(current.hypothesis.effects, followed)
+        if carried >= LEAST_SHARE_CARRIED and _names(current.hypothesis.effects, {*followed, *jumped})
         else "unnamed"
     )
-    jumps = _jumps(steps[-1])
-    return GapStudy(verdict, first, current, tuple(steps), tuple(where), explained, carried, followed, jumps)
+    left = _jumps_left(steps[-1])
+    return GapStudy(
+        verdict, first, current, tuple(steps), tuple(where), explained, carried, followed, jumped, left
+    )
 
 
-def _jumps(last: Step) -> tuple[Jump, ...]:
+def _jumps_instead_of(current: FittedHypothesis, effect: Effect) -> tuple[Jump, ...]:
+    """Jumps that surely explain more than an effect does beside all others of a model; empty where there are none.
+
+    When it was added others were missing, which made the noise greater and jumps less sure.
+    """
+    rest = _without(current, effect)
+    jumps = Jumps(rest, within_cycles=bool(members_of(effect)))
+    if jumps.worth < LEAST_SHARE_OF_JUMPS * (current.ln_evidence - rest.ln_evidence):
+        return ()
+    with_it, without = offer(current), offer(rest)
+    over = jumps.evidence_over(current, with_it.free - without.free + worth_of(with_it.beyond))
+    return (jumps.in_own_noise or jumps).found if over <= -LEAST_LN_BAYES_FACTOR else ()
+
+
+def _jumps_left(last: Step) -> tuple[Jump, ...]:
     """Jumps that a model leaves, if they surely explain more than flexible terms."""
     if last.look.p_value > SIGNIFICANT_P:
         return ()
@@ -307,8 +334,8 @@ def _jumps(last: Step) -> tuple[Jump, ...]:
     return (jumps.in_own_noise or jumps).found
 
 
-def _names(effects: Sequence[Effect], followed: Mapping[str, FollowedSetting]) -> tuple[Effect, ...]:
-    return tuple(e for e in effects if e.id not in followed)
+def _names(effects: Sequence[Effect], described: Collection[str]) -> tuple[Effect, ...]:
+    return tuple(e for e in effects if e.id not in described)
 
 
 def one_round(

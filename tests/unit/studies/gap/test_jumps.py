@@ -73,6 +73,19 @@ def test_slips_are_told_where_they_are_and_how_great(slips: GapStudy) -> None:
             assert jump.by == pytest.approx(by * SPAN, rel=0.1)
 
 
+def test_slips_beside_an_effect_are_no_law_either(rig) -> None:
+    """A shift by the load is there as well, so that noise is great as long as one of the two is missing."""
+    plain = rig(
+        shift=2.0, cycles=5, samples=40, periods=(60.0,) * 2, loads=(1.0, 2.0), peaks=(95.0,) * 2, seed=3
+    )
+    laws = some("stress_shift", "hot_creep", "training_drift", "training", "cycle_offset")
+    found = study_campaign(slipped(plain.campaign()), PRIORS, pooled=True, effects=laws)
+    assert {e.id for e in found.named} <= {"stress_shift"}
+    time = found.final.hypothesis.histories[0].inputs["time"]
+    told = [(time[j.sample] - time[0]) / (time[-1] - time[0]) for j in found.jumps]
+    assert all(min(abs(t - at) for t in told) < 3.0 / time.size for at, _ in SLIPS)
+
+
 def test_where_cycles_drift_there_is_a_law_and_no_jump(rig) -> None:
     """A displacement that creeps with the cycle, more slowly each time."""
     plain = rig(cycles=5, samples=40, periods=(60.0,) * 2, loads=(1.0,) * 2, peaks=(95.0,) * 2, seed=3)
