@@ -101,9 +101,7 @@ def condition_features(records: Sequence[RecordDraws]) -> tuple[Feature, ...]:
     for condition in conditions:
         branches = {r.branch: r for r in records if r.condition == condition}
         if len(branches) == len(Branch):
-            branches[Branch.COOLING] = sharing_calibration(
-                *(branches[b] for b in (Branch.COOLING, Branch.HEATING))
-            )
+            branches[Branch.COOLING] = sharing_calibration(branches[Branch.COOLING], branches[Branch.HEATING])
         middles = {b: {c: middle_temperatures(r.curves, c) for c in CHANNELS} for b, r in branches.items()}
         for branch, record in branches.items():
             out += _of_branch(record, middles[branch])

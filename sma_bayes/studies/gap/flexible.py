@@ -261,6 +261,10 @@ class FlexibleTerms:
     free: float
     curved: bool = True
 
+    def explained_beyond_shape(self, without: FlexibleTerms) -> float:
+        """What an effect and the best term on top of it are worth beside free curves, by the terms without it."""
+        return self.free - without.free + worth_of(self.beyond)
+
 
 def offer(fitted: FittedHypothesis, found: Sequence[TermWorth] = ()) -> FlexibleTerms:
     """What flexible terms bring to a fitted model; `found`, if that is known already for it as it is."""

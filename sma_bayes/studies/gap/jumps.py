@@ -27,7 +27,6 @@ from sma_bayes.studies.gap.flexible import (
     log_bayes_factor,
     offer,
     shape_terms,
-    worth_of,
 )
 from sma_bayes.studies.gap.noise import ChannelBlock, noise_of
 
@@ -93,6 +92,11 @@ class Jumps:
         """The jumps, by condition and channel."""
         return self._search[0]
 
+    @property
+    def told(self) -> tuple[Jump, ...]:
+        """The jumps as they are told: in the noise that is left beside them, where that is smaller."""
+        return (self.in_own_noise or self).found
+
     @cached_property
     def in_own_noise(self) -> Jumps | None:
         """Jumps in the same model with the noise that is left beside these; None where that is not smaller.
@@ -133,7 +137,7 @@ class Jumps:
         if own is None:
             return over
         with_it = offer(fit_hypothesis(extended.hypothesis, extended.z, own.fitted.noise))
-        return min(over, with_it.free - own._flexible.free + worth_of(with_it.beyond) - own.worth)
+        return min(over, with_it.explained_beyond_shape(own._flexible) - own.worth)
 
     @cached_property
     def _free(self) -> FittedHypothesis:
@@ -149,9 +153,10 @@ class Jumps:
         while tried.places and len(chosen.places) < most:
             best = tried.places[int(np.argmax(tried.gain_beside(chosen)))]
             longer = self._refined([*chosen.places, best], [len(chosen.places)])
-            if self._worth(longer) <= worth:
+            more = self._worth(longer)
+            if more <= worth:
                 break
-            chosen, worth = longer, self._worth(longer)
+            chosen, worth = longer, more
         if not chosen.places:
             return (), 0.0
         for _ in range(MAX_REFINEMENTS):

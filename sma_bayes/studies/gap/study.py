@@ -294,8 +294,7 @@ def study_from(
     carried = _carried(steps[-1].look, bare, current, explained)
     settings = {e.id: followed_setting(current, e) for e in current.hypothesis.effects}
     followed = {name: f for name, f in settings.items() if f is not None}
-    instead = {e.id: _jumps_instead_of(current, e) for e in current.hypothesis.effects}
-    jumped = {name: jumps for name, jumps in instead.items() if jumps}
+    jumped = _jumps_instead_of(current)
     verdict: Verdict = (
         "none"
         if steps[0].look.p_value > SIGNIFICANT_P
@@ -309,18 +308,21 @@ def study_from(
     )
 
 
-def _jumps_instead_of(current: FittedHypothesis, effect: Effect) -> tuple[Jump, ...]:
-    """Jumps that surely explain more than an effect does beside all others of a model; empty where there are none.
+def _jumps_instead_of(current: FittedHypothesis) -> dict[str, tuple[Jump, ...]]:
+    """Jumps that surely explain more than an effect does beside all others of a model, by the effect.
 
     When it was added others were missing, which made the noise greater and jumps less sure.
     """
-    rest = _without(current, effect)
-    jumps = Jumps(rest, within_cycles=bool(members_of(effect)))
-    if jumps.worth < LEAST_SHARE_OF_JUMPS * (current.ln_evidence - rest.ln_evidence):
-        return ()
-    with_it, without = offer(current), offer(rest)
-    over = jumps.evidence_over(current, with_it.free - without.free + worth_of(with_it.beyond))
-    return (jumps.in_own_noise or jumps).found if over <= -LEAST_LN_BAYES_FACTOR else ()
+    out: dict[str, tuple[Jump, ...]] = {}
+    for effect in current.hypothesis.effects:
+        rest = _without(current, effect)
+        jumps = Jumps(rest, within_cycles=bool(members_of(effect)))
+        if jumps.worth < LEAST_SHARE_OF_JUMPS * (current.ln_evidence - rest.ln_evidence):
+            continue
+        over = jumps.evidence_over(current, offer(current).explained_beyond_shape(offer(rest)))
+        if over <= -LEAST_LN_BAYES_FACTOR:
+            out[effect.id] = jumps.told
+    return out
 
 
 def _jumps_left(last: Step) -> tuple[Jump, ...]:
@@ -331,7 +333,7 @@ def _jumps_left(last: Step) -> tuple[Jump, ...]:
     flexible = last.flexible or offer(last.before, last.look.gains)
     if jumps.worth < worth_of(flexible.beyond) + LEAST_LN_BAYES_FACTOR:
         return ()
-    return (jumps.in_own_noise or jumps).found
+    return jumps.told
 
 
 def _names(effects: Sequence[Effect], described: Collection[str]) -> tuple[Effect, ...]:
