@@ -144,11 +144,12 @@ def _effects(
     design: Design, members: Sequence[Feature], along: Sequence[Confounder], rng: np.random.Generator
 ) -> Iterator[SettingEffect]:
     first = members[0]
-    defined = [f.draws[np.isfinite(f.draws) & ((f.draws > 0.0) | (not f.on_log))] for f in members]
-    lacking = {f.condition.id: 1.0 - d.size / f.draws.size for f, d in zip(members, defined, strict=True)}
-    usable = max(lacking.values()) <= MAX_SHARE_LACKING
-    size = min(d.size for d in defined)
-    y = np.stack([d[:size] for d in defined])
+    size = min(f.draws.size for f in members)
+    y = np.stack([f.draws[:size] for f in members])  # draw by draw: conditions share errors of calibrations
+    has = np.isfinite(y) & ((y > 0.0) | (not first.on_log))
+    lacking = {f.condition.id: 1.0 - float(own.mean()) for f, own in zip(members, has, strict=True)}
+    usable = max(lacking.values()) <= MAX_SHARE_LACKING and bool(has.all(axis=0).any())
+    y = y[:, has.all(axis=0)]
     y = np.log(y) if first.on_log and usable else y
     tested = np.linalg.pinv(design.matrix) @ y if usable else None
     general = regression(design.matrix, y, rng) if usable and design.spare > 0 else None
@@ -211,20 +212,21 @@ def regression(matrix: Floats, y: Floats, rng: np.random.Generator, size: int = 
     matrix : ndarray, shape (C, Q)
         Regressors, of rank below C.
     y : ndarray, shape (C, S)
-        Posterior draws of the feature in each condition.
+        Posterior draws of the feature in each condition; what conditions share, such as the error of a calibration, is
+        in their covariance.
     rng : Generator
     size : int
         Draws.
     """
-    mean, variance = y.mean(axis=1), y.var(axis=1)
-    scale = max(
-        float(np.std(mean, ddof=1)), float(np.sqrt(variance.max())), 1e-12 * float(np.abs(mean).max())
-    )
+    mean, known = y.mean(axis=1), np.cov(y, bias=True)
+    apart = np.cov(y - y.mean(axis=0), bias=True)  # less what all have in common
+    widest = float(np.sqrt(np.diag(apart).max() * mean.size / (mean.size - 1)))
+    scale = max(float(np.std(mean, ddof=1)), widest, 1e-12 * float(np.abs(mean).max()))
     if not scale > 0.0:
         return Regression(np.zeros((size, matrix.shape[1])), np.zeros(size))
     grid = scale * SCATTER_GRID
     basis, _, turn = _full_rank(matrix)
-    fits = [_given_scatter(basis, mean, variance + tau**2) for tau in grid]
+    fits = [_given_scatter(basis, mean, known + tau**2 * np.eye(mean.size)) for tau in grid]
     log_mass = np.array([f[2] for f in fits]) - 0.5 * (SCATTER_PRIOR_DF + 1.0) * np.log1p(
         SCATTER_GRID**2 / SCATTER_PRIOR_DF
     )
@@ -243,14 +245,13 @@ def _full_rank(matrix: Floats) -> tuple[Floats, int, Floats]:
     return u[:, :rank], rank, vt[:rank].T / s[:rank]
 
 
-def _given_scatter(basis: Floats, mean: Floats, variance: Floats) -> tuple[Floats, Floats, float]:
+def _given_scatter(basis: Floats, mean: Floats, covariance: Floats) -> tuple[Floats, Floats, float]:
     """Coefficients, a root of their covariance, and the log marginal likelihood under a flat prior."""
-    weight = 1.0 / variance
-    precision = (basis * weight[:, None]).T @ basis
-    covariance = np.linalg.inv(precision)
-    coefficient = covariance @ (basis.T @ (weight * mean))
-    left = mean - basis @ coefficient
-    log_likelihood = -0.5 * (
-        np.sum(np.log(variance)) + np.linalg.slogdet(precision)[1] + np.sum(weight * left**2)
-    )
-    return coefficient, np.linalg.cholesky(covariance), float(log_likelihood)
+    root = np.linalg.cholesky(covariance)
+    q, r = np.linalg.qr(np.linalg.solve(root, basis))
+    white = np.linalg.solve(root, mean)
+    along = q.T @ white
+    left = white - q @ along
+    turn = np.linalg.inv(r)
+    log_likelihood = -np.sum(np.log(np.diag(root))) - np.sum(np.log(np.abs(np.diag(r)))) - 0.5 * left @ left
+    return turn @ along, turn, float(log_likelihood)

@@ -93,20 +93,25 @@ def condition_features(records: Sequence[RecordDraws]) -> tuple[Feature, ...]:
     ----------
     records : sequence of RecordDraws
         Heating, cooling or both of each condition. Posteriors of different records are independent, so their draws are
-        paired as they come; the errors of calibrations of both branches of a condition are one
+        paired as they come; calibrations that are declared alike are those of one rig, and their errors are one
         (`sharing_calibration`).
     """
     conditions = dict.fromkeys(r.condition for r in records)
     out: list[Feature] = []
     for condition in conditions:
-        branches = {r.branch: r for r in records if r.condition == condition}
-        if len(branches) == len(Branch):
-            branches[Branch.COOLING] = sharing_calibration(branches[Branch.COOLING], branches[Branch.HEATING])
+        branches = {r.branch: _of_the_rig(r, records) for r in records if r.condition == condition}
         middles = {b: {c: middle_temperatures(r.curves, c) for c in CHANNELS} for b, r in branches.items()}
         for branch, record in branches.items():
             out += _of_branch(record, middles[branch])
         out += _of_loop(condition, branches, middles)
     return tuple(out)
+
+
+def _of_the_rig(record: RecordDraws, records: Sequence[RecordDraws]) -> RecordDraws:
+    """Draws with the errors that calibrations have in the first record for which they are declared alike."""
+    own = dict(record.record.calibration)
+    first = next(r for r in records if dict(r.record.calibration) == own)
+    return record if first is record else sharing_calibration(record, first)
 
 
 def _of_branch(record: RecordDraws, middles: _Middles) -> Iterator[Feature]:

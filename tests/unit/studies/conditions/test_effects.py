@@ -11,7 +11,7 @@ import pytest
 from sma_bayes.assess.draws import RecordDraws
 from sma_bayes.records.types import Condition
 from sma_bayes.studies.conditions.effects import SettingEffect, operating_effects, regression
-from sma_bayes.studies.conditions.features import condition_features
+from sma_bayes.studies.conditions.features import Feature, condition_features
 
 
 def named(effects: tuple[SettingEffect, ...], feature: str, channel: str, setting: str) -> SettingEffect:
@@ -105,6 +105,28 @@ def test_peak_temperature_is_named_where_it_rose_with_the_setting(
 
     assert confounders(5.0) == {"peak_temperature"}
     assert confounders(0.1) == set(), "a difference of 0.2 degC in 30 is none"
+
+
+def test_an_error_that_conditions_share_is_in_no_effect(make_draws: Callable[..., RecordDraws]) -> None:
+    """Also where a few draws lack the feature in one of them."""
+    records = [
+        make_draws(Condition(f"c{i}", load=w), B3=50.0 + w) for i, w in enumerate((1.0, 2.0, 3.0, 5.0))
+    ]
+    features = condition_features(records)
+    error = 5.0 * np.random.default_rng(0).standard_normal(features[0].draws.size)
+
+    def off(f: Feature) -> Feature:
+        if f.name != "midpoint":
+            return f
+        lacking = 8 if f.condition.id == "c1" else 0
+        return replace(f, draws=np.where(np.arange(error.size) < lacking, np.nan, f.draws + error))
+
+    before = named(operating_effects(features), "midpoint", "force", "load")
+    found = named(operating_effects([off(f) for f in features]), "midpoint", "force", "load")
+    for one, other in ((found.tested, before.tested), (found.beyond, before.beyond)):
+        assert one is not None
+        assert other is not None
+        assert one["q95"] - one["q05"] == pytest.approx(other["q95"] - other["q05"], rel=0.1)
 
 
 @pytest.mark.parametrize(("lacking", "why"), [(8, ""), (400, "of the curves of c1 have none")])

@@ -100,6 +100,26 @@ def test_branches_have_one_error_of_calibration_in_all_that_both_make(
             np.testing.assert_allclose(named(features, name, other).draws, heating, rtol=1e-9)
 
 
+def test_conditions_of_one_rig_have_one_error_of_calibration(make_draws: Callable[..., RecordDraws]) -> None:
+    """It cancels in how their transformation temperatures differ; calibrations declared otherwise are others."""
+    known = {"temperature": Calibration(0.0, 0.0, 1.0)}
+    other = {"temperature": Calibration(0.0, 0.0, 2.0)}
+    conditions = (C, replace(C, id="2A", current=2.0), replace(C, id="3A", current=3.0))
+    records = [
+        calibrated(make_draws(c, error=0.0), calibration)
+        for c, calibration in zip(conditions, (known, known, other), strict=True)
+    ]
+    midpoints = {
+        f.condition.id: f.draws
+        for f in condition_features(records)
+        if (f.name, f.channel) == ("midpoint", "force")
+    }
+    first, second, third = (midpoints[c.id] for c in conditions)
+    assert np.std(first) == pytest.approx(1.0, rel=0.1)
+    assert np.ptp(second - first) == pytest.approx(0.0, abs=1e-9)
+    assert np.std(third - first) == pytest.approx(np.sqrt(5.0), rel=0.1)
+
+
 def test_a_share_left_before_a_plateau_that_was_not_measured_says_so(
     make_draws: Callable[..., RecordDraws],
 ) -> None:
