@@ -210,6 +210,13 @@ def sharing_calibration(draws: RecordDraws, other: RecordDraws) -> RecordDraws:
     return replace(draws, theta=curves.theta, weights=curves.weights, calibration=curves.calibration)
 
 
+def as_logged(draws: RecordDraws) -> RecordDraws:
+    """Draws of a record as its instruments have it: without errors of calibrations."""
+    record = replace(draws.record, calibration={})
+    posterior = replace(draws.posterior, records=(record,))
+    return replace(draws, posterior=posterior, theta=draws.before_calibration, calibration={})
+
+
 def record_draws(fit: Fit, record: int = 0) -> RecordDraws:
     """Draws of one record of a fit.
 

@@ -11,6 +11,7 @@ import numpy as np
 
 from sma_bayes.arrays import Floats, Ints
 from sma_bayes.fitting.posterior import Posterior
+from sma_bayes.response.base import ResponseModel
 
 Errors = Mapping[str, tuple[Floats, Floats]]
 """Channel, or ``temperature``, to gain and shift (S,) of its calibration: a true value is ``gain * value + shift``."""
@@ -148,13 +149,19 @@ def calibrated_parameters(
     rates.
     """
     out = np.array(theta, dtype=float)
-    model, at = posterior.model, posterior.layout[record].model
+    at = posterior.layout[record].model
+    out[:, at] = calibrated_curve(posterior.model, out[:, at], calibration)
+    return out
+
+
+def calibrated_curve(model: ResponseModel, theta: Floats, calibration: Errors) -> Floats:
+    """The same for draws (S, P) of the parameters of a model alone."""
     for channel, (gain, shift) in calibration.items():
         if channel == "temperature":
-            out[:, at] = model.with_thermometer(out[:, at], gain, shift)
+            theta = model.with_thermometer(theta, gain, shift)
         elif channel != "stiffness":
-            out[:, at] = model.calibrated(out[:, at], channel, gain, shift)
-    return out
+            theta = model.calibrated(theta, channel, gain, shift)
+    return theta
 
 
 def undone(errors: Errors) -> Errors:

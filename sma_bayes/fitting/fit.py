@@ -162,7 +162,15 @@ def calibration_errors(
         Of the record.
     size : int
     """
-    rng = np.random.default_rng(np.random.SeedSequence([seed, *key.encode()]))
+    return drawn_calibration(
+        calibration, np.random.default_rng(np.random.SeedSequence([seed, *key.encode()])), size
+    )
+
+
+def drawn_calibration(
+    calibration: Mapping[str, Calibration], rng: np.random.Generator, size: int
+) -> dict[str, tuple[Floats, Floats]]:
+    """Gain and shift of each channel whose calibration is uncertain, `size` of each."""
     return {
         channel: _calibration_error(c, rng, size)
         for channel, c in calibration.items()

@@ -118,7 +118,7 @@ def _population(population: Population) -> StatedPopulation:
                 name=label,
                 unit="1" if logarithms[i] else facts[i].unit,
                 channel="" if logarithms[i] else _channel_of_unit(facts[i]),
-                level=interval_document(population.coefficients[:, 0, i]),
+                level=interval_document(population.level[:, i]),
                 changes={
                     v: interval_document(population.coefficients[:, k, i])
                     for k, v in enumerate(population.design.varied, 1)
@@ -139,9 +139,7 @@ def _population(population: Population) -> StatedPopulation:
                 )
                 for i, name in enumerate(r.names)
             }
-            for r, pooled in zip(
-                population.records, map(population.coordinates.to_parameters, population.phi), strict=True
-            )
+            for r, pooled in zip(population.records, map(population.parameters, population.phi), strict=True)
         },
     )
 

@@ -8,10 +8,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from sma_bayes.arrays import Floats
-from sma_bayes.assess.draws import RecordDraws
+from sma_bayes.assess.draws import RecordDraws, as_logged
 from sma_bayes.fitting.curves import quantiles
 from sma_bayes.studies.conditions.design import Design, designs
-from sma_bayes.studies.conditions.population import PRIOR_MEDIAN_SCATTER, Population, population_of
+from sma_bayes.studies.conditions.population import (
+    PRIOR_MEDIAN_SCATTER,
+    Population,
+    population_of,
+    shared_calibration,
+)
 from sma_bayes.studies.conditions.prediction import (
     Neighbours,
     Prediction,
@@ -88,6 +93,8 @@ def leave_out(
     tuple of LeftOutChannel
         One for each channel; empty where the others don't vary in what it would have to be predicted from.
     """
+    if shared_calibration(records):  # what all are off by is no part of how they differ
+        records = [as_logged(r) for r in records]
     target = records[place]
     others = tuple(r for i, r in enumerate(records) if i != place)
     (rest,) = designs([r.condition for r in others])

@@ -24,6 +24,9 @@ with y_p what such a curve has by itself: 1 for logarithms of spans and rates, 4
 transformation) for midpoints, the span for levels. The common g lets few conditions tell whether they scatter by a
 hundredth or by half, since every coordinate has a say in it.
 
+Calibrations that are declared alike in all conditions are those of one rig. All is then learnt of curves as they were
+logged, and what comes of it has one error of the rig, draw by draw.
+
 References
 ----------
 C. Andrieu, G. O. Roberts, "The pseudo-marginal approach for efficient Monte Carlo computations", Annals of Statistics
@@ -43,7 +46,10 @@ from typing import Final
 import numpy as np
 
 from sma_bayes.arrays import Floats
-from sma_bayes.assess.draws import RecordDraws
+from sma_bayes.assess.draws import RecordDraws, as_logged
+from sma_bayes.fitting.curves import Errors, calibrated_curve
+from sma_bayes.fitting.fit import drawn_calibration
+from sma_bayes.records.types import Calibration
 from sma_bayes.sampling.importance import WeightedDraws, importance_draws
 from sma_bayes.sampling.weighted import resampled
 from sma_bayes.studies.conditions.coordinates import CurveCoordinates, coordinates_for
@@ -79,6 +85,9 @@ class Population:
     sampling : WeightedDraws
         Of ``ln tau``.
     correction : StatedCorrection
+    calibration : mapping
+        Gain and shift of each calibration that all conditions share, for each draw; empty where they share none. In
+        `coefficients` and `phi` they are not.
     """
 
     design: Design
@@ -90,6 +99,17 @@ class Population:
     phi: Floats
     sampling: WeightedDraws
     correction: StatedCorrection
+    calibration: Errors
+
+    def parameters(self, phi: Floats) -> Floats:
+        """Parameters (S, P) of curves at coordinates (S, P), with the errors of calibrations that conditions share."""
+        theta = self.coordinates.to_parameters(phi)
+        return calibrated_curve(self.coordinates.model, theta, self.calibration)
+
+    @property
+    def level(self) -> Floats:
+        """Coordinates (S, P) at the least value of each setting, with these errors."""
+        return self.coordinates.to_coordinates(self.parameters(self.coefficients[:, 0]))
 
     @property
     def prior_led(self) -> bool:
@@ -115,26 +135,29 @@ def population_of(
     scatter : float
         Median of the prior of the scatter, as a share of the curves' characteristic scales.
     """
-    coordinates = coordinates_for(records)
-    moments = [coordinates.prior_moments(r.priors) for r in records]
+    shared, learnt = shared_calibration(records), tuple(records)
+    if shared:
+        learnt = tuple(map(as_logged, records))
+    coordinates = coordinates_for(learnt)
+    moments = [coordinates.prior_moments(r.priors) for r in learnt]
     density = ScatterDensity(
         matrix=design.matrix,
         summaries=tuple(
             summary_of(coordinates.to_coordinates(r.curve_theta), *m)
-            for r, m in zip(records, moments, strict=True)
+            for r, m in zip(learnt, moments, strict=True)
         ),
         centre=np.mean([m for m, _ in moments], axis=0),
         width=np.mean([np.sqrt(np.diag(c)) for _, c in moments], axis=0),
-        scale=scatter * coordinates.characteristic_scales(records),
+        scale=scatter * coordinates.characteristic_scales(learnt),
         labels=coordinates.labels,
     )
-    sample_seed, draw_seed = seed.spawn(2)
+    sample_seed, draw_seed, calibration_seed = seed.spawn(3)
     starts = [np.log(density.scale), np.log(0.1 * density.scale), np.log(3.0 * density.scale)]
     sampling = importance_draws(density, starts, np.full(density.scale.size, 2.0), sample_seed)
     rng = np.random.default_rng(draw_seed)
     tau = np.exp(sampling.z[resampled(sampling.log_weight, DRAWS, rng)])
     coefficients = density.coefficients(rng, tau)
-    phi, kept, correction = corrected(density, coordinates, records, coefficients, tau, rng)
+    phi, kept, correction = corrected(density, coordinates, learnt, coefficients, tau, rng)
     return Population(
         design,
         tuple(records),
@@ -145,4 +168,11 @@ def population_of(
         phi[:, kept],
         sampling,
         correction,
+        drawn_calibration(shared, np.random.default_rng(calibration_seed), len(kept)),
     )
+
+
+def shared_calibration(records: Sequence[RecordDraws]) -> dict[str, Calibration]:
+    """Calibrations of records for which they are declared alike; nothing where they differ."""
+    first, *others = (dict(r.record.calibration) for r in records)
+    return first if all(other == first for other in others) else {}

@@ -85,7 +85,7 @@ def predict(population: Population, condition: Condition, rng: np.random.Generat
     population.design.check(condition)
     mean = np.einsum("q,sqp->sp", population.design.row(condition), population.coefficients)
     phi = mean + population.scatter * rng.standard_normal(mean.shape)
-    return Prediction(condition, population, population.coordinates.to_parameters(phi))
+    return Prediction(condition, population, population.parameters(phi))
 
 
 def _noise(prediction: Prediction, channel: str, temperature: Floats, rng: np.random.Generator) -> Floats:

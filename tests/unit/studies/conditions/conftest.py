@@ -3,16 +3,19 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from sma_bayes.assess.draws import RecordDraws
+from sma_bayes.fitting.curves import calibrated_parameters
+from sma_bayes.fitting.fit import calibration_errors
 from sma_bayes.fitting.posterior import ParameterIndex, Posterior
 from sma_bayes.noise import NOISE_MODELS
 from sma_bayes.parameters.distributions import LogNormal, Normal
 from sma_bayes.parameters.space import Parameter, ParameterSpace
-from sma_bayes.records.types import Branch, Condition, Record
+from sma_bayes.records.types import Branch, Calibration, Condition, Record
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
 
 SPRING = {"A1": 0.02, "A2": 0.30, "A3": 48.0, "A4": 0.001, "B1": 2.5, "B2": 0.35, "B3": 52.0, "B4": 0.5}
@@ -80,3 +83,16 @@ def make_draws() -> Callable[..., RecordDraws]:
         return RecordDraws(made_posterior(record), np.stack(columns, axis=-1), True)
 
     return make
+
+
+@pytest.fixture(scope="session")
+def calibrated() -> Callable[[RecordDraws, dict[str, Calibration]], RecordDraws]:
+    """Draws of a record whose calibrations are known so well, with errors of its own, as a fit has them."""
+
+    def with_errors(draws: RecordDraws, known: dict[str, Calibration]) -> RecordDraws:
+        posterior = replace(draws.posterior, records=(replace(draws.record, calibration=known),))
+        errors = calibration_errors(known, 0, draws.key, draws.size)
+        theta = calibrated_parameters(posterior, draws.theta, errors)
+        return replace(draws, posterior=posterior, theta=theta, calibration=errors)
+
+    return with_errors

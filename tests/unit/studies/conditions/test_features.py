@@ -10,8 +10,6 @@ import pytest
 from scipy.optimize import minimize_scalar
 
 from sma_bayes.assess.draws import RecordDraws
-from sma_bayes.fitting.curves import calibrated_parameters
-from sma_bayes.fitting.fit import calibration_errors
 from sma_bayes.records.types import Branch, Calibration, Condition
 from sma_bayes.studies.conditions.features import Feature, condition_features, ratio
 
@@ -78,16 +76,9 @@ def test_both_branches_together_give_the_extremes_and_the_width(
     assert left.mean() == pytest.approx(1.0 / (1.0 + np.exp(0.35 * (70.0 - 52.0))), rel=0.02)
 
 
-def calibrated(draws: RecordDraws, known: dict[str, Calibration]) -> RecordDraws:
-    """Draws of a record whose calibrations are known so well, with errors of its own, as a fit has them."""
-    posterior = replace(draws.posterior, records=(replace(draws.record, calibration=known),))
-    errors = calibration_errors(known, 0, draws.key, draws.size)
-    theta = calibrated_parameters(posterior, draws.theta, errors)
-    return replace(draws, posterior=posterior, theta=theta, calibration=errors)
-
-
 def test_branches_have_one_error_of_calibration_in_all_that_both_make(
     make_draws: Callable[..., RecordDraws],
+    calibrated: Callable[[RecordDraws, dict[str, Calibration]], RecordDraws],
 ) -> None:
     known = {"temperature": Calibration(0.0, 0.0, 1.0), "force": Calibration(0.1, 0.0, 0.0)}
     records = [calibrated(make_draws(C, branch, error=0.0), known) for branch in Branch]
@@ -100,7 +91,10 @@ def test_branches_have_one_error_of_calibration_in_all_that_both_make(
             np.testing.assert_allclose(named(features, name, other).draws, heating, rtol=1e-9)
 
 
-def test_conditions_of_one_rig_have_one_error_of_calibration(make_draws: Callable[..., RecordDraws]) -> None:
+def test_conditions_of_one_rig_have_one_error_of_calibration(
+    make_draws: Callable[..., RecordDraws],
+    calibrated: Callable[[RecordDraws, dict[str, Calibration]], RecordDraws],
+) -> None:
     """It cancels in how their transformation temperatures differ; calibrations declared otherwise are others."""
     known = {"temperature": Calibration(0.0, 0.0, 1.0)}
     other = {"temperature": Calibration(0.0, 0.0, 2.0)}

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sma_bayes.assess.draws import RecordDraws
-from sma_bayes.records.types import Condition
+from sma_bayes.records.types import Calibration, Condition
 from sma_bayes.response.modified_sigmoid import sigmoid
 from sma_bayes.studies.conditions.design import designs
 from sma_bayes.studies.conditions.leave_out import CURVES, HIERARCHICAL, PARAMETERS, leave_out
@@ -40,6 +40,31 @@ def test_prediction_follows_the_law_and_its_band_holds_the_truth(
     wider = band.predictive["pred_q95"] - band.predictive["pred_q05"]
     assert np.all(wider > band.curve["q95"] - band.curve["q05"])
     assert np.median(wider) > 2 * 1.5 * 0.01 * 0.0199, "1 % noise on either side"
+
+
+def test_the_error_of_a_calibration_is_that_of_the_rig(
+    make_draws: Callable[..., RecordDraws],
+    calibrated: Callable[[RecordDraws, dict[str, Calibration]], RecordDraws],
+) -> None:
+    """It widens what is predicted once, and neither slopes nor scatter, nor what is held against a condition."""
+    exact = lawful(make_draws)
+    off = [calibrated(r, {"temperature": Calibration(0.0, 0.0, 3.0)}) for r in exact]
+    (design,) = designs([r.condition for r in exact])
+    known, unsure = (population_of(design, r, np.random.SeedSequence(0)) for r in (exact, off))
+    np.testing.assert_allclose(unsure.coefficients[:, 1], known.coefficients[:, 1], rtol=1e-3)
+    np.testing.assert_allclose(unsure.scatter, known.scatter, rtol=1e-3)
+    place = exact[0].names.index("A3")
+    new = Condition("new", load=4.0)
+    before, after = (
+        np.std(predict(p, new, np.random.default_rng(0)).theta[:, place]) for p in (known, unsure)
+    )
+    assert after == pytest.approx(np.hypot(before, 3.0), rel=0.05)
+    assert np.std(unsure.level[:, place]) == pytest.approx(
+        np.hypot(np.std(known.level[:, place]), 3.0), rel=0.05
+    )
+    scores = [leave_out(design, r, 3, np.random.SeedSequence(0))[0].scores for r in (exact, off)]
+    for way, score in scores[0].items():
+        assert scores[1][way].width == pytest.approx(score.width, rel=1e-3)
 
 
 def test_temperatures_that_not_all_conditions_covered_are_marked(
