@@ -18,7 +18,7 @@ from scipy.integrate import solve_ivp
 from threadpoolctl import threadpool_limits
 
 import sma_bayes
-from sma_bayes.records.types import Branch, Condition, Record
+from sma_bayes.records.types import Branch, Campaign, Condition, Record
 from sma_bayes.response.modified_sigmoid import ModifiedSigmoid
 
 ROOT = Path(__file__).resolve().parents[1]
@@ -323,9 +323,8 @@ def loaded_wire() -> LoadedWire:
 
 
 @pytest.fixture(scope="session")
-def loaded_fit(loaded_wire: LoadedWire, tmp_path_factory: pytest.TempPathFactory) -> Path:
-    """Fit of strain against temperature of a wire at three stresses."""
-    place = tmp_path_factory.mktemp("loaded")
+def loaded_campaign(loaded_wire: LoadedWire) -> Campaign:
+    """Strain against temperature of a wire at three stresses."""
     rng = np.random.default_rng(5)
     down = np.linspace(390.0, 280.0, 70)
     frames = {}
@@ -338,8 +337,14 @@ def loaded_fit(loaded_wire: LoadedWire, tmp_path_factory: pytest.TempPathFactory
             "strain_1": strain + 5e-5 * rng.standard_normal(strain.size),
             "stress_MPa": stress + 0.2 * rng.standard_normal(strain.size),
         }
-    campaign = sma_bayes.campaign_of(frames, name="wire at constant stress")
+    return sma_bayes.campaign_of(frames, name="wire at constant stress")
+
+
+@pytest.fixture(scope="session")
+def loaded_fit(loaded_campaign: Campaign, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """Fit of that."""
+    place = tmp_path_factory.mktemp("loaded")
     sma_bayes.fit_campaign(
-        campaign, place / "fit", model="sinh_arcsinh", noise="independent", jobs=1, figures=False
+        loaded_campaign, place / "fit", model="sinh_arcsinh", noise="independent", jobs=1, figures=False
     )
     return place / "fit"

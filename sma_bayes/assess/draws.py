@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
 
-from sma_bayes.arrays import Floats
+from sma_bayes.arrays import Floats, Ints
 from sma_bayes.assess.bands import band_channels
 from sma_bayes.assess.path import path_remark
 from sma_bayes.fitting.curves import CurveDraws, Errors, calibrated_parameters, errors_of, undone
@@ -155,6 +155,16 @@ class RecordDraws:
         """Curve of a channel for each draw, shape (S, m)."""
         return self.curves.curve(channel, temperature)
 
+    def these(self, which: Ints | slice) -> RecordDraws:
+        """Some of the draws."""
+        return replace(
+            self,
+            theta=self.theta[which],
+            weights={c: w[which] for c, w in self.weights.items()},
+            calibration=errors_of(self.calibration, which),
+            measured_sweeps=None if self.measured_sweeps is None else self.measured_sweeps[which],
+        )
+
 
 def curve_of(model: ResponseModel, theta: Floats, channel: str, temperature: Floats) -> Floats:
     """Curve of a channel, stiffness also where it follows from force and displacement.
@@ -208,6 +218,17 @@ def sharing_calibration(draws: RecordDraws, other: RecordDraws) -> RecordDraws:
     """Draws of a record with the errors of calibration of another's, as many; see `with_calibration_of`."""
     curves = with_calibration_of(draws.curves, other.curves)
     return replace(draws, theta=curves.theta, weights=curves.weights, calibration=curves.calibration)
+
+
+def of_one_rig(records: Iterable[RecordDraws]) -> Iterator[RecordDraws]:
+    """Records in which calibrations that are declared alike are those of one rig: they have the errors of the first."""
+    first: list[RecordDraws] = []
+    for draws in records:
+        own = dict(draws.record.calibration)
+        other = next((f for f in first if dict(f.record.calibration) == own), None)
+        if other is None:
+            first.append(draws)
+        yield draws if other is None else sharing_calibration(draws, other)
 
 
 def as_logged(draws: RecordDraws) -> RecordDraws:

@@ -7,6 +7,7 @@ import json
 import shutil
 import subprocess
 from collections.abc import Callable
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +15,7 @@ import numpy as np
 import pytest
 
 import sma_bayes
+from sma_bayes.records.types import Calibration, Campaign
 
 
 @pytest.fixture(scope="module")
@@ -124,6 +126,26 @@ def test_one_stress_tells_no_slope(loaded_fit: Path, loaded_wire: Any, tmp_path:
             or "1 stress" in told[name]["why"]
         )
     assert max(s["card"] for s in card["sweeps"]) < 0.01  # what was measured comes back all the same
+
+
+def test_an_offset_of_the_thermometer_is_in_all_temperatures_and_in_no_slope(
+    loaded_fit: Path, loaded_campaign: Campaign, tmp_path: Path
+) -> None:
+    """It is one of all runs: drawn for each, it made slopes unsure, and cancelled in the mean over the runs."""
+    off = {"temperature": Calibration(0.0, 0.0, 5.0)}
+    records = tuple(replace(r, calibration=off) for r in loaded_campaign.records)
+    sma_bayes.fit_campaign(
+        replace(loaded_campaign, records=records), tmp_path / "fit", model="sinh_arcsinh", noise="independent",
+        jobs=1, figures=False,
+    )  # fmt: skip
+    exact, unsure = (
+        {c["name"]: c for c in sma_bayes.card(fit, draws=600)["constitutive"]["constants"]}
+        for fit in (loaded_fit, tmp_path / "fit")
+    )
+    for name in ("C_A", "C_M"):
+        assert unsure[name]["sd"] == pytest.approx(exact[name]["sd"], rel=0.2)
+    for name in ("Ms", "Af"):
+        assert unsure[name]["sd"] == pytest.approx(np.hypot(exact[name]["sd"], 5.0), rel=0.1)
 
 
 def rows_of(spring: Path) -> Any:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Final
 
 import numpy as np
@@ -93,6 +93,41 @@ def nearest_law(temperature: Floats, curves: Floats, common: float) -> SweepFeat
     x = share(temperature[[0, -1]], point[0] + 0.5 * point[1], point[0] - 0.5 * point[1], *point[2:4])
     miss = float(np.sqrt(np.mean((curve_of(point, temperature, common) - mean) ** 2)) / scale)
     return SweepFeatures(point, draws, miss, bool(x[0] > 0.95 and x[1] < 0.05))
+
+
+def with_errors(
+    found: SweepFeatures,
+    thermometer: tuple[Floats, Floats],
+    strain: tuple[Floats, Floats],
+    common: float,
+) -> SweepFeatures:
+    """Numbers of a sweep whose instruments are off: by ``gain * reading + shift``, draw by draw.
+
+    Errors that move the whole curve by more than it is wide would lead the search for the nearest law astray.
+
+    Parameters
+    ----------
+    found : SweepFeatures
+        Of the curves as they were logged.
+    thermometer, strain : tuple of ndarray, shape (S,)
+        Gain [1] and shift [K, 1] of temperatures and strains.
+    common : float
+        See `curve_of`.
+    """
+    (gain, shift), (stretch, up) = thermometer, strain
+    middle, width, p, q, offset, austenite, change, difference = found.draws.T
+    read = (common - shift) / gain - common  # how far from the common temperature the thermometer showed it
+    numbers = (
+        gain * middle + shift,
+        gain * width,
+        p,
+        q,
+        stretch * (offset + austenite * read) + up,
+        stretch * austenite / gain,
+        stretch * (change + difference * read),
+        stretch * difference / gain,
+    )
+    return replace(found, draws=np.stack(numbers, axis=1))
 
 
 @dataclass(frozen=True, slots=True, eq=False)

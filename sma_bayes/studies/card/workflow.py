@@ -13,7 +13,7 @@ from pydantic import Field
 
 from sma_bayes.account import Account
 from sma_bayes.arrays import Floats
-from sma_bayes.assess.draws import RecordDraws
+from sma_bayes.assess.draws import RecordDraws, as_logged, of_one_rig
 from sma_bayes.errors import MeasurementError, SmaBayesError, many, require_seed
 from sma_bayes.fitting.curves import interval
 from sma_bayes.progress import Progress, silent
@@ -28,7 +28,7 @@ from sma_bayes.runs.store import write_csv, write_json, write_text
 from sma_bayes.runs.stored_draws import draws_of
 from sma_bayes.studies.card.apart import CROSSED, crossing_of, kept_apart
 from sma_bayes.studies.card.exports import covariance_text, simcoon_material, sma_react_solution
-from sma_bayes.studies.card.features import GRID, NAMES, curve_of, nearest_law
+from sma_bayes.studies.card.features import GRID, NAMES, curve_of, nearest_law, with_errors
 from sma_bayes.studies.card.header import stiffness_header
 from sma_bayes.studies.card.law import Moduli, transformation_strain
 from sma_bayes.studies.card.pooling import (
@@ -243,8 +243,9 @@ def _constitutive(
     rng = np.random.default_rng(np.random.SeedSequence([asked.seed, 21]))
     sweeps, seen = list[LoadedSweep](), list[_Seen]()
     work.tell(0, len(usable), "fitting the law")
-    for r, load in usable:
-        one = _seen(read(r), load, asked.draws, common)
+    of_all = of_one_rig(_evenly(read(r), asked.draws) for r, _ in usable)
+    for (r, load), draws in zip(usable, of_all, strict=True):
+        one = _seen(draws, load, common)
         if isinstance(one, str):
             left_out[r.key] = one
         else:
@@ -288,16 +289,30 @@ class _Seen:
     measured: tuple[Floats, Floats]
 
 
-def _seen(draws: RecordDraws, load: Loaded, count: int, common: float) -> _Seen | str:
+def _evenly(draws: RecordDraws, count: int) -> RecordDraws:
+    """So many of the draws, evenly over all; some several times where there are fewer."""
+    return draws.these(np.linspace(0, draws.size - 1, count).round().astype(int))
+
+
+def _seen(draws: RecordDraws, load: Loaded, common: float) -> _Seen | str:
     """Numbers of the law for one record; the reason where its strain falls on cooling."""
     at = draws.grid()[:: max(1, draws.grid().size // GRID)]
-    chosen = np.linspace(0, draws.size - 1, count).round().astype(int)
-    curves = load.per * draws.curve("displacement", at)[chosen]
+    curves = load.per * as_logged(draws).curve("displacement", at)
     mean = curves.mean(axis=0)
     if not mean[0] > mean[-1]:
         return "its strain falls on cooling: a wire in tension becomes longer (give a length with the sign in mind)"
     temperature = kelvin(at, draws.units["temperature"])
-    features = nearest_law(temperature, curves, common)
+    (gain, shift), (stretch, up) = (
+        draws.calibration.get(c, (np.ones(draws.size), np.zeros(draws.size)))
+        for c in ("temperature", "displacement")
+    )
+    zero = float(kelvin(0.0, draws.units["temperature"]))
+    features = with_errors(
+        nearest_law(temperature, curves, common),
+        (gain, shift + (1.0 - gain) * zero),
+        (stretch, load.per * up),
+        common,
+    )
     record = draws.record
     measured = (
         kelvin(record.temperature, draws.units["temperature"]),

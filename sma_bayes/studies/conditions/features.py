@@ -13,7 +13,7 @@ import numpy as np
 from scipy.special import expit
 
 from sma_bayes.arrays import Floats
-from sma_bayes.assess.draws import RecordDraws, sharing_calibration
+from sma_bayes.assess.draws import RecordDraws, of_one_rig
 from sma_bayes.assess.middle import middle_temperatures
 from sma_bayes.assess.transformation import (
     MAX_OUTSTANDING_SHARE,
@@ -94,24 +94,18 @@ def condition_features(records: Sequence[RecordDraws]) -> tuple[Feature, ...]:
     records : sequence of RecordDraws
         Heating, cooling or both of each condition. Posteriors of different records are independent, so their draws are
         paired as they come; calibrations that are declared alike are those of one rig, and their errors are one
-        (`sharing_calibration`).
+        (`of_one_rig`).
     """
-    conditions = dict.fromkeys(r.condition for r in records)
     out: list[Feature] = []
-    for condition in conditions:
-        branches = {r.branch: _of_the_rig(r, records) for r in records if r.condition == condition}
+    by_condition: dict[Condition, dict[Branch, RecordDraws]] = {}
+    for record in of_one_rig(records):
+        by_condition.setdefault(record.condition, {})[record.branch] = record
+    for condition, branches in by_condition.items():
         middles = {b: {c: middle_temperatures(r.curves, c) for c in CHANNELS} for b, r in branches.items()}
         for branch, record in branches.items():
             out += _of_branch(record, middles[branch])
         out += _of_loop(condition, branches, middles)
     return tuple(out)
-
-
-def _of_the_rig(record: RecordDraws, records: Sequence[RecordDraws]) -> RecordDraws:
-    """Draws with the errors that calibrations have in the first record for which they are declared alike."""
-    own = dict(record.record.calibration)
-    first = next(r for r in records if dict(r.record.calibration) == own)
-    return record if first is record else sharing_calibration(record, first)
 
 
 def _of_branch(record: RecordDraws, middles: _Middles) -> Iterator[Feature]:

@@ -38,7 +38,6 @@ from sma_bayes.assess.draws import RecordDraws, sharing_calibration
 from sma_bayes.assess.unseen_misfit import with_unseen_misfit
 from sma_bayes.effects.transformation import SLOPED, ChannelCurve, curves
 from sma_bayes.errors import UnknownNameError, near_matches
-from sma_bayes.fitting.curves import errors_of
 from sma_bayes.noise import Steps
 from sma_bayes.records.types import Branch
 
@@ -117,7 +116,7 @@ class BothDraws:
 
         def some(d: RecordDraws) -> RecordDraws:
             fewer = d.size < size
-            return _these(d, rng.integers(0, d.size, size) if fewer else rng.permutation(d.size)[:size])
+            return d.these(rng.integers(0, d.size, size) if fewer else rng.permutation(d.size)[:size])
 
         heating = some(self.heating)
         return BothDraws(heating, sharing_calibration(some(self.cooling), heating))
@@ -129,15 +128,6 @@ class BothDraws:
     def derived(self, channel: str) -> bool:
         """Whether a channel follows from the slopes of two others."""
         return channel == "stiffness" and channel not in self.heating.channels
-
-
-def _these(draws: RecordDraws, which: Ints | slice) -> RecordDraws:
-    return replace(
-        draws,
-        theta=draws.theta[which],
-        weights={c: w[which] for c, w in draws.weights.items()},
-        calibration=errors_of(draws.calibration, which),
-    )
 
 
 def share_of(draws: RecordDraws, temperature: Floats, *, median: bool = False) -> Floats:
@@ -284,7 +274,7 @@ class Spring:
 
     def part(self, some: slice, rule: Rule) -> Spring:
         """Some of the draws, under a rule."""
-        own = BothDraws(*(_these(d, some) for d in (self.draws.heating, self.draws.cooling)))
+        own = BothDraws(*(d.these(some) for d in (self.draws.heating, self.draws.cooling)))
         tables = {
             b: replace(t, values={n: v[some] for n, v in t.values.items()}) for b, t in self.tables.items()
         }
