@@ -20,7 +20,7 @@ model with random effects.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field, replace
 from typing import Final
 
@@ -339,6 +339,22 @@ def sweeps_of(record: Record, channel: str) -> tuple[Record, Floats, list[str]]:
     rows = np.concatenate([found[c] for c in order]) if order else np.zeros(0, dtype=np.int64)
     alone = replace(record, observed={channel: record.observed[channel]})
     return _part(alone, rows) if order else alone, np.array(order), told
+
+
+def calibration_remarks(records: Iterable[Record]) -> list[str]:
+    """What is said of declared errors of calibrations: they are the same in all sweeps, and in no number of one."""
+    uncertain = dict.fromkeys(
+        name if name == "temperature" else r.quantity(name)
+        for r in records
+        for name, c in r.calibration.items()
+        if (name in r.observed or name == "temperature") and (c.offset_sd > 0.0 or c.relative_scale_sd > 0.0)
+    )
+    if not uncertain:
+        return []
+    return [
+        f"what the calibration of {' and '.join(uncertain)} is off by is the same in all sweeps: no change from cycle "
+        "to cycle has it, and no interval here; those of the fit do"
+    ]
 
 
 def _part(record: Record, rows: Ints) -> Record:

@@ -51,7 +51,7 @@ from sma_bayes.studies.cycles.study import (
     probability_stable,
     quantities,
 )
-from sma_bayes.studies.cycles.sweeps import NUMBERS, Strand, fit_strand, sweeps_of
+from sma_bayes.studies.cycles.sweeps import NUMBERS, Strand, calibration_remarks, fit_strand, sweeps_of
 from sma_bayes.studies.identity import of_campaign, run_identity
 from sma_bayes.studies.options import FitOptions, prior_set
 from sma_bayes.studies.run_context import RunContext
@@ -390,6 +390,7 @@ def _remarks(strands: Sequence[Strand], at: Sequence[float]) -> list[str]:
         f"{s.record.key}: {s.cycle.size} of {len(measured_cycles(strands))} cycles have a sweep"
         for s in single
     ]
+    out += calibration_remarks(s.record for s in strands)
     out += [f"{s.record.key}: curve and numbers have not settled" for s in strands if not s.converged]
     return list(dict.fromkeys(out))
 

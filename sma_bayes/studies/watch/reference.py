@@ -12,7 +12,15 @@ from sma_bayes.arrays import Floats
 from sma_bayes.errors import MeasurementError
 from sma_bayes.records.types import Branch, Record
 from sma_bayes.studies.cycles.laws import LAW_POWERS, LAWS, N0_GRID, NONE, LawPosterior, Series, approach
-from sma_bayes.studies.cycles.sweeps import NUMBERS, PRIOR_SD, USUAL_SCATTER, Strand, fit_strand, sweeps_of
+from sma_bayes.studies.cycles.sweeps import (
+    NUMBERS,
+    PRIOR_SD,
+    USUAL_SCATTER,
+    Strand,
+    calibration_remarks,
+    fit_strand,
+    sweeps_of,
+)
 from sma_bayes.studies.watch.evidence import Watched
 from sma_bayes.studies.watch.naming import Cause, watched_together
 from sma_bayes.studies.watch.state import WATCHED, StrandNumbers
@@ -138,6 +146,7 @@ def reference_of(records: Sequence[Record], model: Mapping[str, str], seed: int)
         raise MeasurementError(
             "no cycle of the fit has a sweep of every branch", expected="at least one whole cycle"
         )
+    remarks += calibration_remarks(r for r, _, _ in found)
     strands = [fit_strand(r, channel, cycle, model[r.key], seed) for r, channel, cycle in found]
     numbers = tuple(tuple(_numbers(s, s.part(s.cycle == c)[0], fitted=True) for c in common) for s in strands)
     law, paces = _law(strands, np.array(common), numbers)

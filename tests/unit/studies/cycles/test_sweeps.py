@@ -12,8 +12,8 @@ import pytest
 from scipy.signal import lfilter
 
 from sma_bayes.errors import MeasurementError
-from sma_bayes.records.types import Branch, Record
-from sma_bayes.studies.cycles.sweeps import Strand, fit_strand, sweeps_of
+from sma_bayes.records.types import Branch, Calibration, Record
+from sma_bayes.studies.cycles.sweeps import Strand, calibration_remarks, fit_strand, sweeps_of
 
 
 @pytest.fixture(scope="module")
@@ -155,3 +155,13 @@ def test_the_branches_are_told_apart(truth: Any, measured: Callable[..., list[Re
     assert heating.middle - cooling.middle == pytest.approx(
         15.0 + np.mean(truth.sweep[Branch.HEATING] - truth.sweep[Branch.COOLING], axis=0)[2], abs=1.5
     )
+
+
+def test_what_no_interval_of_a_sweep_holds_is_told(measured: Callable[..., list[Record]], truth: Any) -> None:
+    records = measured(truth, np.random.default_rng(0))
+    exact = {"temperature": Calibration(0.0, 0.0, 0.0)}
+    off = {"temperature": Calibration(0.0, 0.0, 1.0), "displacement": Calibration(0.01, 0.0, 0.0)}
+    assert calibration_remarks(records) == []
+    assert calibration_remarks(replace(r, calibration=exact) for r in records) == []
+    (told,) = calibration_remarks(replace(r, calibration=off) for r in records)
+    assert told.startswith("what the calibration of temperature and displacement is off by")
