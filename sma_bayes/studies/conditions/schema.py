@@ -311,6 +311,12 @@ class ConditionsDocument(RunAccount, FilesBeside, ConditionsFindings):
         """What settings do, where it is known: those whose directions are counted."""
         return tuple(e for e in self.effects if e.beyond and e.feature != "share_left")
 
+    @property
+    def sure_of_told(self) -> str:
+        """How many of these directions are sure, in words."""
+        told = self.told_effects
+        return f"{sum(e.sure for e in told)} of {len(told)} effects have a 95 % sure direction"
+
 
 StoredConditions = FinishedRun[ConditionsDocument]
 """A finished study of conditions, as its folder holds it."""

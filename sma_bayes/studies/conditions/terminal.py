@@ -50,13 +50,9 @@ def conditions_text(stated: Mapping[str, Any]) -> str:
             _range_text(n, min(v.values), max(v.values), v.unit, specimen) for n, v in group.varied.items()
         ]
         lines.append(f"{', '.join(group.conditions)}: {', '.join(ranges) or 'nothing varied'}")
-    told = found.told_effects
-    sure = [e for e in told if e.sure]
-    lines += [_effect_text(e, e.beyond, specimen) for e in sure if e.beyond]
-    if told:
-        lines.append(
-            f"  {len(sure)} of {len(told)} effects have a 95 % sure direction; the report has all of them"
-        )
+    lines += [_effect_text(e, e.beyond, specimen) for e in found.told_effects if e.sure and e.beyond]
+    if found.told_effects:
+        lines.append(f"  {found.sure_of_told}; the report has all of them")
     lines += _tested_text(found, specimen)
     for p in found.predictions:
         note = (

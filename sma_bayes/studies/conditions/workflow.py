@@ -215,8 +215,7 @@ class ConditionsTable(FromFitTable):
 
 def _told(stated: Mapping[str, Any]) -> str:
     found = ConditionsDocument.model_validate(stated)
-    sure = sum(e.sure for e in found.told_effects)
-    told = [f"{sure} of {len(found.told_effects)} effects have a 95 % sure direction"]
+    told = [found.sure_of_told]
     if found.predictions:
         told.append(f"{len(found.predictions)} predicted")
     if found.held_out:
