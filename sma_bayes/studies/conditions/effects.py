@@ -226,6 +226,7 @@ def regression(matrix: Floats, y: Floats, rng: np.random.Generator, size: int = 
         return Regression(np.zeros((size, matrix.shape[1])), np.zeros(size))
     grid = scale * SCATTER_GRID
     basis, _, turn = _full_rank(matrix)
+    known += 1e-12 * known.max() * np.eye(mean.size)  # so that an error which all share can be divided by
     fits = [_given_scatter(basis, mean, known + tau**2 * np.eye(mean.size)) for tau in grid]
     log_mass = np.array([f[2] for f in fits]) - 0.5 * (SCATTER_PRIOR_DF + 1.0) * np.log1p(
         SCATTER_GRID**2 / SCATTER_PRIOR_DF

@@ -129,6 +129,14 @@ def test_an_error_that_conditions_share_is_in_no_effect(make_draws: Callable[...
         assert one["q95"] - one["q05"] == pytest.approx(other["q95"] - other["q05"], rel=0.1)
 
 
+def test_a_regression_of_what_differs_by_nothing_but_a_shared_error() -> None:
+    matrix = np.array([[1.0, 0.0], [1.0, 0.5], [1.0, 1.0]])
+    error = 5.0 * np.random.default_rng(0).standard_normal(400)
+    found = regression(matrix, 50.0 + error + np.zeros((3, 1)), np.random.default_rng(1))
+    assert np.abs(found.slopes[:, 1]).max() < 1e-3
+    assert np.std(found.slopes[:, 0]) == pytest.approx(np.std(error), rel=0.1)
+
+
 @pytest.mark.parametrize(("lacking", "why"), [(8, ""), (400, "of the curves of c1 have none")])
 def test_a_few_curves_without_a_feature_do_not_hide_its_effect(
     lacking: int, why: str, make_draws: Callable[..., RecordDraws]
