@@ -12,7 +12,7 @@ from sma_bayes.arrays import Floats, Ints
 from sma_bayes.assess.bands import band_channels
 from sma_bayes.assess.path import path_remark
 from sma_bayes.fitting.curves import CurveDraws, Errors, calibrated_parameters, errors_of, undone
-from sma_bayes.fitting.fit import Fit
+from sma_bayes.fitting.fit import Fit, calibrations_of
 from sma_bayes.fitting.posterior import Posterior
 from sma_bayes.parameters.distributions import Distribution
 from sma_bayes.parameters.roles import Role
@@ -155,7 +155,7 @@ class RecordDraws:
         """Curve of a channel for each draw, shape (S, m)."""
         return self.curves.curve(channel, temperature)
 
-    def these(self, which: Ints | slice) -> RecordDraws:
+    def subset(self, which: Ints | slice) -> RecordDraws:
         """Some of the draws."""
         return replace(
             self,
@@ -203,7 +203,7 @@ def with_calibration_of(curves: CurveDraws, other: CurveDraws) -> CurveDraws:
         The first min(S, T) draws; all of `curves` as they are where none of its calibrations is uncertain, or where
         those of the other are declared otherwise.
     """
-    own, others = (dict(c.posterior.records[c.record].calibration) for c in (curves, other))
+    own, others = (calibrations_of(c.posterior.records[c.record]) for c in (curves, other))
     if not curves.calibration or own != others:
         return curves
     both = slice(min(len(curves.theta), len(other.theta)))
@@ -224,8 +224,8 @@ def of_one_rig(records: Iterable[RecordDraws]) -> Iterator[RecordDraws]:
     """Records in which calibrations that are declared alike are those of one rig: they have the errors of the first."""
     first: list[RecordDraws] = []
     for draws in records:
-        own = dict(draws.record.calibration)
-        other = next((f for f in first if dict(f.record.calibration) == own), None)
+        own = calibrations_of(draws.record)
+        other = next((f for f in first if calibrations_of(f.record) == own), None)
         if other is None:
             first.append(draws)
         yield draws if other is None else sharing_calibration(draws, other)

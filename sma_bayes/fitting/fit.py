@@ -171,11 +171,7 @@ def drawn_calibration(
     calibration: Mapping[str, Calibration], rng: np.random.Generator, size: int
 ) -> dict[str, tuple[Floats, Floats]]:
     """Gain and shift of each channel whose calibration is uncertain, `size` of each."""
-    return {
-        channel: _calibration_error(c, rng, size)
-        for channel, c in calibration.items()
-        if c.relative_scale_sd > 0 or c.offset_sd > 0
-    }
+    return {channel: _calibration_error(c, rng, size) for channel, c in calibration.items() if c.is_uncertain}
 
 
 def _calibration_error(c: Calibration, rng: np.random.Generator, size: int) -> tuple[Floats, Floats]:

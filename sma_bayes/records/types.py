@@ -87,6 +87,11 @@ class Calibration:
     offset: float
     offset_sd: float
 
+    @property
+    def is_uncertain(self) -> bool:
+        """Whether it has an error at all."""
+        return self.relative_scale_sd > 0.0 or self.offset_sd > 0.0
+
 
 @dataclass(frozen=True, slots=True)
 class HeldChannel:

@@ -95,7 +95,7 @@ def nearest_law(temperature: Floats, curves: Floats, common: float) -> SweepFeat
     return SweepFeatures(point, draws, miss, bool(x[0] > 0.95 and x[1] < 0.05))
 
 
-def with_errors(
+def with_calibration_errors(
     found: SweepFeatures,
     thermometer: tuple[Floats, Floats],
     strain: tuple[Floats, Floats],

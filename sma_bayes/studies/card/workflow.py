@@ -28,7 +28,7 @@ from sma_bayes.runs.store import write_csv, write_json, write_text
 from sma_bayes.runs.stored_draws import draws_of
 from sma_bayes.studies.card.apart import CROSSED, crossing_of, kept_apart
 from sma_bayes.studies.card.exports import covariance_text, simcoon_material, sma_react_solution
-from sma_bayes.studies.card.features import GRID, NAMES, curve_of, nearest_law, with_errors
+from sma_bayes.studies.card.features import GRID, NAMES, curve_of, nearest_law, with_calibration_errors
 from sma_bayes.studies.card.header import stiffness_header
 from sma_bayes.studies.card.law import Moduli, transformation_strain
 from sma_bayes.studies.card.pooling import (
@@ -291,7 +291,7 @@ class _Seen:
 
 def _evenly(draws: RecordDraws, count: int) -> RecordDraws:
     """So many of the draws, evenly over all; some several times where there are fewer."""
-    return draws.these(np.linspace(0, draws.size - 1, count).round().astype(int))
+    return draws.subset(np.linspace(0, draws.size - 1, count).round().astype(int))
 
 
 def _seen(draws: RecordDraws, load: Loaded, common: float) -> _Seen | str:
@@ -307,7 +307,7 @@ def _seen(draws: RecordDraws, load: Loaded, common: float) -> _Seen | str:
         for c in ("temperature", "displacement")
     )
     zero = float(kelvin(0.0, draws.units["temperature"]))
-    features = with_errors(
+    features = with_calibration_errors(
         nearest_law(temperature, curves, common),
         (gain, shift + (1.0 - gain) * zero),
         (stretch, load.per * up),

@@ -106,6 +106,7 @@ def _population(population: Population) -> StatedPopulation:
     first = population.records[0]
     facts = first.posterior.model.parameters(first.units)
     logarithms = population.coordinates.signs != 0.0
+    level = population.level
     return StatedPopulation.about(
         population,
         conditions=population.design.ids,
@@ -118,7 +119,7 @@ def _population(population: Population) -> StatedPopulation:
                 name=label,
                 unit="1" if logarithms[i] else facts[i].unit,
                 channel="" if logarithms[i] else _channel_of_unit(facts[i]),
-                level=interval_document(population.level[:, i]),
+                level=interval_document(level[:, i]),
                 changes={
                     v: interval_document(population.coefficients[:, k, i])
                     for k, v in enumerate(population.design.varied, 1)

@@ -148,8 +148,9 @@ def _effects(
     y = np.stack([f.draws[:size] for f in members])  # draw by draw: conditions share errors of calibrations
     has = np.isfinite(y) & ((y > 0.0) | (not first.on_log))
     lacking = {f.condition.id: 1.0 - float(own.mean()) for f, own in zip(members, has, strict=True)}
-    usable = max(lacking.values()) <= MAX_SHARE_LACKING and bool(has.all(axis=0).any())
-    y = y[:, has.all(axis=0)]
+    together = has.all(axis=0)
+    usable = max(lacking.values()) <= MAX_SHARE_LACKING and bool(together.any())
+    y = y[:, together]
     y = np.log(y) if first.on_log and usable else y
     tested = np.linalg.pinv(design.matrix) @ y if usable else None
     general = regression(design.matrix, y, rng) if usable and design.spare > 0 else None
@@ -219,8 +220,8 @@ def regression(matrix: Floats, y: Floats, rng: np.random.Generator, size: int = 
         Draws.
     """
     mean, known = y.mean(axis=1), np.cov(y, bias=True)
-    apart = np.cov(y - y.mean(axis=0), bias=True)  # less what all have in common
-    widest = float(np.sqrt(np.diag(apart).max() * mean.size / (mean.size - 1)))
+    apart = (y - y.mean(axis=0)).var(axis=1)  # less what all have in common
+    widest = float(np.sqrt(apart.max() * mean.size / (mean.size - 1)))
     scale = max(float(np.std(mean, ddof=1)), widest, 1e-12 * float(np.abs(mean).max()))
     if not scale > 0.0:
         return Regression(np.zeros((size, matrix.shape[1])), np.zeros(size))

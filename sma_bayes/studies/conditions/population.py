@@ -48,7 +48,7 @@ import numpy as np
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.draws import RecordDraws, as_logged
 from sma_bayes.fitting.curves import Errors, calibrated_curve
-from sma_bayes.fitting.fit import drawn_calibration
+from sma_bayes.fitting.fit import calibrations_of, drawn_calibration
 from sma_bayes.records.types import Calibration
 from sma_bayes.sampling.importance import WeightedDraws, importance_draws
 from sma_bayes.sampling.weighted import resampled
@@ -174,5 +174,5 @@ def population_of(
 
 def shared_calibration(records: Sequence[RecordDraws]) -> dict[str, Calibration]:
     """Calibrations of records for which they are declared alike; nothing where they differ."""
-    first, *others = (dict(r.record.calibration) for r in records)
+    first, *others = (calibrations_of(r.record) for r in records)
     return first if all(other == first for other in others) else {}

@@ -312,7 +312,7 @@ class ConditionsDocument(RunAccount, FilesBeside, ConditionsFindings):
         return tuple(e for e in self.effects if e.beyond and e.feature != "share_left")
 
     @property
-    def sure_of_told(self) -> str:
+    def sure_directions(self) -> str:
         """How many of these directions are sure, in words."""
         told = self.told_effects
         return f"{sum(e.sure for e in told)} of {len(told)} effects have a 95 % sure direction"

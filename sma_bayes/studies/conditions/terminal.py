@@ -52,7 +52,7 @@ def conditions_text(stated: Mapping[str, Any]) -> str:
         lines.append(f"{', '.join(group.conditions)}: {', '.join(ranges) or 'nothing varied'}")
     lines += [_effect_text(e, e.beyond, specimen) for e in found.told_effects if e.sure and e.beyond]
     if found.told_effects:
-        lines.append(f"  {found.sure_of_told}; the report has all of them")
+        lines.append(f"  {found.sure_directions}; the report has all of them")
     lines += _tested_text(found, specimen)
     for p in found.predictions:
         note = (

@@ -215,7 +215,7 @@ class ConditionsTable(FromFitTable):
 
 def _told(stated: Mapping[str, Any]) -> str:
     found = ConditionsDocument.model_validate(stated)
-    told = [found.sure_of_told]
+    told = [found.sure_directions]
     if found.predictions:
         told.append(f"{len(found.predictions)} predicted")
     if found.held_out:

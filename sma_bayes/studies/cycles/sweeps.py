@@ -32,6 +32,7 @@ from sma_bayes.arrays import Bools, Floats, Ints
 from sma_bayes.errors import MeasurementError
 from sma_bayes.fitting.discrepancy import DiscrepancyBasis, build_basis, nodes_of
 from sma_bayes.fitting.discrepancy_weights import WeightsGivenResiduals, weights_given_residuals
+from sma_bayes.fitting.fit import calibrations_of
 from sma_bayes.fitting.posterior import build_posterior
 from sma_bayes.fitting.warm_start import warm_start
 from sma_bayes.noise import NOISE_MODELS
@@ -346,8 +347,8 @@ def calibration_remarks(records: Iterable[Record]) -> list[str]:
     uncertain = dict.fromkeys(
         name if name == "temperature" else r.quantity(name)
         for r in records
-        for name, c in r.calibration.items()
-        if (name in r.observed or name == "temperature") and (c.offset_sd > 0.0 or c.relative_scale_sd > 0.0)
+        for name, c in calibrations_of(r).items()
+        if c.is_uncertain
     )
     if not uncertain:
         return []

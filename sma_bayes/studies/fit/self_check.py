@@ -478,13 +478,7 @@ def _read(path: Path, draws: RecordDraws, task: ReplicateTask, replicates: int) 
     if not path.is_file():
         return None
     names, u = _table(path)
-    some = slice(0, 2)
-    few = replace(
-        draws,
-        theta=draws.theta[some],
-        weights={c: w[some] for c, w in draws.weights.items()},
-        calibration={},
-    )
+    few = replace(draws.subset(slice(0, 2)), calibration={})
     quantities = quantities_of(few, task.at, stiffness=task.stiffness)
     if names != tuple(q.name for q in quantities) or len(u) != replicates:
         return None

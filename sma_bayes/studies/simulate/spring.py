@@ -116,7 +116,7 @@ class BothDraws:
 
         def some(d: RecordDraws) -> RecordDraws:
             fewer = d.size < size
-            return d.these(rng.integers(0, d.size, size) if fewer else rng.permutation(d.size)[:size])
+            return d.subset(rng.integers(0, d.size, size) if fewer else rng.permutation(d.size)[:size])
 
         heating = some(self.heating)
         return BothDraws(heating, sharing_calibration(some(self.cooling), heating))
@@ -274,7 +274,7 @@ class Spring:
 
     def part(self, some: slice, rule: Rule) -> Spring:
         """Some of the draws, under a rule."""
-        own = BothDraws(*(d.these(some) for d in (self.draws.heating, self.draws.cooling)))
+        own = BothDraws(*(d.subset(some) for d in (self.draws.heating, self.draws.cooling)))
         tables = {
             b: replace(t, values={n: v[some] for n, v in t.values.items()}) for b, t in self.tables.items()
         }

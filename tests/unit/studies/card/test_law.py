@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 
 from sma_bayes.records.types import Branch
-from sma_bayes.studies.card.features import curve_of, nearest_law, with_errors
+from sma_bayes.studies.card.features import curve_of, nearest_law, with_calibration_errors
 from sma_bayes.studies.card.law import Moduli, ends, hardening, share, shift
 from sma_bayes.studies.card.pooling import LoadedSweep, distinct, pooled
 
@@ -108,7 +108,7 @@ def test_errors_of_instruments_are_those_of_the_curves_that_they_show() -> None:
     gain, shift, stretch, up = 1.02, 4.0, 0.97, 1e-3
     found = nearest_law(AT, np.stack([curve_of(exact, AT, 300.0)] * 2), 300.0)
     one = np.ones(2)
-    off = with_errors(found, (gain * one, shift * one), (stretch * one, up * one), 300.0)
+    off = with_calibration_errors(found, (gain * one, shift * one), (stretch * one, up * one), 300.0)
     shown = stretch * curve_of(exact, AT, 300.0) + up
     np.testing.assert_allclose(
         curve_of(off.draws[0], gain * AT + shift, 300.0), shown, atol=1e-4 * np.ptp(shown)

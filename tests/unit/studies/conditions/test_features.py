@@ -114,6 +114,23 @@ def test_conditions_of_one_rig_have_one_error_of_calibration(
     assert np.std(third - first) == pytest.approx(np.sqrt(5.0), rel=0.1)
 
 
+def test_an_instrument_of_no_curve_does_not_part_conditions(
+    make_draws: Callable[..., RecordDraws],
+    calibrated: Callable[[RecordDraws, dict[str, Calibration]], RecordDraws],
+) -> None:
+    """Such as a load cell, whose scale was set anew, beside displacements at a force that was held."""
+    records = [
+        calibrated(
+            make_draws(replace(C, id=f"c{i}", load=w), channels=("displacement",), error=0.0),
+            {"temperature": Calibration(0.0, 0.0, 1.0), "force": Calibration(0.01 * w, 0.0, 0.0)},
+        )
+        for i, w in enumerate((1.0, 2.0))
+    ]
+    first, second = (f.draws for f in condition_features(records) if f.name == "midpoint")
+    assert np.std(first) == pytest.approx(1.0, rel=0.1)
+    assert np.ptp(second - first) == pytest.approx(0.0, abs=1e-9)
+
+
 def test_a_share_left_before_a_plateau_that_was_not_measured_says_so(
     make_draws: Callable[..., RecordDraws],
 ) -> None:
