@@ -28,6 +28,7 @@ from sma_bayes.arrays import Floats
 from sma_bayes.noise.ar1 import memory_innovations, memory_log_scale, memory_series
 from sma_bayes.normal import MAD_TO_SD
 from sma_bayes.records.history import History, starts
+from sma_bayes.records.quality import clipped
 from sma_bayes.studies.gap.hypothesis import Hypothesis
 from sma_bayes.studies.gap.splines import bspline_basis, grouped, indicators, row_tensor_product
 from sma_bayes.studies.gap.switching import Scatter, likeliest_size
@@ -301,9 +302,15 @@ def noise_of(
         if block.channel != "temperature":
             changed = partial(_changed, hypothesis, block, theta, response, misfit, recorded)
             changes = partial(_changes, hypothesis, block, theta, response)
-        out.append(block_noise(own, block, misfit, lattice, recorded, response, changed, changes))
+        cut = _cut_off(history.observed[block.channel])
+        out.append(block_noise(own, block, misfit, lattice, recorded, response, changed, changes, cut))
         beside.append((smooth, courses))
     return _with_scattered_switching(blocks, out, residual, beside)
+
+
+def _cut_off(readings: Floats) -> NDArray[np.bool_]:
+    """Which readings (n,) are at the end of a range, the same to the last digit in a long run."""
+    return np.isin(readings, [top.value for top in clipped(readings)])
 
 
 def _with_scattered_switching(
@@ -476,6 +483,7 @@ def block_noise(
     response: Floats | None = None,
     changed: Callable[[], Floats] | None = None,
     changes: Callable[[], Sequence[Floats]] | None = None,
+    cut_off: NDArray[np.bool_] | None = None,
 ) -> BlockNoise:
     """Standard deviation and memory of greatest restricted likelihood.
 
@@ -503,13 +511,17 @@ def block_noise(
         Makes sets of columns of changes of the curve (see `curve_changes`), in place of those where samples are too few
         for any. The first set is taken out then, the others where they describe more than noise does beyond doubt and
         leave it a much shorter memory.
+    cut_off : ndarray of bool, shape (n,), optional
+        Readings at the end of a range (see `_cut_off`). They have no noise, and no say in how large it is elsewhere.
     """
-    noise, innovations = _likeliest(residual, block, smooth, 1.0)
+    noisy = slice(None) if cut_off is None else ~cut_off
+    likeliest = partial(_likeliest, residual, block, noisy=noisy)
+    noise, innovations = likeliest(smooth)
     misfit, more = smooth, smooth[:, :0]
     if recorded is not None and recorded.shape[1]:
         more = recorded
         both = np.concatenate([misfit, more], axis=1)
-        beside = _likeliest(residual, block, both, 1.0)
+        beside = likeliest(both)
         if _by_chance(residual, beside[0], misfit, both) < COVARIATE_P:
             smooth, (noise, innovations) = both, beside
     remembers = np.median(noise.memory) >= LONG_CORRELATION
@@ -517,7 +529,7 @@ def block_noise(
     random: Floats | None = None
     if columns.shape[1]:
         both = np.concatenate([misfit, more, columns], axis=1)
-        beside = _likeliest(residual, block, both, 1.0)
+        beside = likeliest(both)
         # the memory beside so many columns is hardly known: whatever it may be, they must describe more than noise does
         if _is_shorter(beside[0], noise) and all(
             p * _by_chance(residual, o, misfit, both) < CURVE_CHANGE_P for p, o in beside[0].others
@@ -526,27 +538,27 @@ def block_noise(
     elif changes is not None and remembers:
         own, *sets = changes()
         smooth = np.concatenate([smooth, own], axis=1)
-        noise, innovations = _likeliest(residual, block, smooth, 1.0)
+        noise, innovations = likeliest(smooth)
         found = _changes_beyond_noise(residual, block, smooth, sets) if sets else None
         if found is not None:
-            beside = _likeliest(residual, block, smooth, 1.0, found)
+            beside = likeliest(smooth, random=found)
             if _is_shorter(beside[0], noise):
                 random, (noise, innovations) = found, beside
     width: Floats | float = 1.0
     if response is not None:
-        grown = growth(innovations, response)
+        grown = growth(innovations[noisy], response[noisy])
         if grown.is_noise:
-            width = np.exp(grown.slope * response / np.ptp(response))
+            width = np.exp(grown.slope * response / np.ptp(response[noisy]))
             width = width / np.sqrt(np.mean(width**2))
-            noise, innovations = _likeliest(residual, block, smooth, width, random)
+            noise, innovations = likeliest(smooth, width, random)
     narrowest = noise.sd * float(np.sqrt(1.0 - np.median(noise.memory) ** 2))
     tails: HeavyTails | None = None
     for _ in range(REWEIGHTING_ROUNDS if lattice < narrowest else 0):
-        heavy = heavy_tails(innovations / width)
+        heavy = heavy_tails(innovations / width, noisy)
         if heavy is None:
             break
         tails = heavy
-        noise, innovations = _likeliest(residual, block, smooth, width * tails.scale, random)
+        noise, innovations = likeliest(smooth, width * tails.scale, random)
     if tails is None:
         return noise
     u = innovations / width
@@ -681,7 +693,7 @@ class HeavyTails:
         return (self.degrees + 1.0) * u / (self.degrees + u**2) / self.information
 
 
-def heavy_tails(innovations: Floats) -> HeavyTails | None:
+def heavy_tails(innovations: Floats, noisy: NDArray[np.bool_] | slice = slice(None)) -> HeavyTails | None:
     """The likeliest of Student's t distributions; None where the normal distribution describes innovations.
 
     Heavy tails are those of many: the `OUTLIERS_SET_ASIDE` greatest innovations have no say, as a jump of the specimen
@@ -691,8 +703,11 @@ def heavy_tails(innovations: Floats) -> HeavyTails | None:
     ----------
     innovations : ndarray, shape (n,)
         Of a common scale.
+    noisy : ndarray of bool, shape (n,), optional
+        Those whose distribution is asked for.
     """
-    usual = innovations[np.argsort(np.abs(innovations))[: max(innovations.size - OUTLIERS_SET_ASIDE, 1)]]
+    usual = innovations[noisy]
+    usual = usual[np.argsort(np.abs(usual))[: max(usual.size - OUTLIERS_SET_ASIDE, 1)]]
     width = float(np.sqrt(np.mean(usual**2))) or 1.0
     best, found = stats.norm.logpdf(usual, scale=width).sum() + HEAVY_TAILS_GAIN, None
     for degrees in DEGREES_OF_FREEDOM:
@@ -743,8 +758,9 @@ def _likeliest(
     residual: Floats,
     block: ChannelBlock,
     smooth: Floats,
-    scale: Floats | float,
+    scale: Floats | float = 1.0,
     random: Floats | None = None,
+    noisy: NDArray[np.bool_] | slice = slice(None),
 ) -> tuple[BlockNoise, Floats]:
     """Noise of greatest restricted likelihood for given scales, and the innovations without their scales.
 
@@ -756,6 +772,8 @@ def _likeliest(
     scale : ndarray, shape (n,), or float
     random : ndarray, shape (n, j), optional
         Columns with normal coefficients of the standard deviation of the noise.
+    noisy : ndarray of bool, shape (n,), optional
+        Innovations that have noise; by these its size is told.
     """
     held = np.zeros(smooth.shape[1])
     if random is not None:
@@ -773,14 +791,16 @@ def _likeliest(
         (possible | shorter) & (probability >= LEAST_RELATIVE_LIKELIHOOD), probability, 0.0
     )
     probability = probability / probability.sum()
-    others = tuple(
-        (float(probability[i]), BlockNoise(float(sd[i]), memories[i], scale))
-        for i in np.flatnonzero(probability).tolist()
-    )
-    best = BlockNoise(float(sd[likeliest]), memories[likeliest], scale, others)
+    best = BlockNoise(float(sd[likeliest]), memories[likeliest], scale)
     w, columns = best.whiten(residual), best.whiten(smooth.T).T
     left = w - columns @ np.linalg.solve(*_normal_equations(products[likeliest], held))
-    return best, np.asarray(left * scale)
+    whole = float(np.mean(left**2))
+    size = math.sqrt(float(np.mean(left[noisy] ** 2)) / whole) if whole else 1.0
+    others = tuple(
+        (float(probability[i]), BlockNoise(size * float(sd[i]), memories[i], scale))
+        for i in np.flatnonzero(probability).tolist()
+    )
+    return replace(best, sd=size * best.sd, others=others), np.asarray(left / size * scale)
 
 
 def scatter(residual: Floats, block: ChannelBlock) -> float:

@@ -541,3 +541,26 @@ def test_noise_that_grows_gets_a_width_and_even_noise_none(true, tails):
         found.whiten(0.01 * width * e)[-n // 3 :]
     )
     assert even == pytest.approx(1.0, abs=0.15)
+
+
+@pytest.mark.parametrize("grows", [0.0, 1.1], ids=["even", "growing"])
+def test_readings_that_are_cut_off_say_nothing_of_the_noise(grows: float) -> None:
+    """Half of the readings are at the end of the range: the size of the noise elsewhere is found, within a tenth.
+
+    Chance would move it by 2 % (one standard deviation, 1,000 readings with noise).
+    """
+    rng = np.random.default_rng(3)
+    n = 2000
+    response = np.abs(np.linspace(-2.0, 2.0, n))[::-1]  # the upper half of it is out of range
+    cut = response > 1.0
+    sd = 0.01 * np.exp(grows * response)
+    residual = np.where(cut, 0.0, sd * rng.standard_normal(n))
+    block = ChannelBlock(0, "force", slice(0, n), np.arange(n) == 0, np.ones(n))
+    smooth = np.stack([np.ones(n), response], axis=1)
+    found = block_noise(residual, block, smooth, response=response, cut_off=cut)
+    own = found.sd * np.broadcast_to(found.scale, n)
+    low = response < 0.2
+    assert np.median(own[low]) == pytest.approx(np.median(sd[low]), rel=0.1 if grows == 0.0 else 0.25)
+    assert np.std(found.whiten(residual)[~cut]) == pytest.approx(1.0, abs=0.1)
+    counted = block_noise(residual, block, smooth, response=response)
+    assert np.std(counted.whiten(residual)[~cut]) != pytest.approx(1.0, abs=0.1)
