@@ -28,8 +28,26 @@ MAX_STEPS = 40
 """Steps to the likeliest weights under noise that is not normal, at most."""
 TOLERANCE = 1e-3
 """Gain in log density that the next step promises, to first order, below which weights count as the likeliest."""
+LEAST_SHARE_LEFT = 1e-12
+"""Least share of an innovation that the weights leave, beyond rounding."""
 LN_SIZE_GRID = np.linspace(-2.5, 2.5, 41)
 """Sizes over which is summed where a curve stands, in standard deviations of the logarithm about its median."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class NormalWeights:
+    """Weights of a discrepancy given measurements and everything else, where the noise is normal.
+
+    Attributes
+    ----------
+    mean : ndarray, shape (W, m)
+        [unit of the channel]
+    root : ndarray, shape (W, m, m)
+        Their covariance is ``root root'`` [unit of the channel].
+    """
+
+    mean: Floats
+    root: Floats
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -162,6 +180,48 @@ class Whitened:
         weights = self._system()
         return weights.series(self._likeliest(weights))
 
+    def normal_weights(self) -> NormalWeights:
+        """The weights of the rows given everything else; the noise must be normal."""
+        weights, m = self._system(), len(self.rows)
+        mean = self.size * self._likeliest(weights)[:, :m]
+        return NormalWeights(mean, self.size[:, :, None] * weights.covariance_root())
+
+    def predictive_log_density(self, weights: NormalWeights) -> Floats:
+        """Log density (W, n) of each sample, weights integrated out that other samples have told.
+
+        Given the weights innovations are ``a ~ N(0, 1)``; with them unknown they have the variance ``1 + q``, as far as
+        the rows move each. What sweeps have of their own must be no part of them.
+        """
+        density, a, q = self._about(weights)
+        return density + 0.5 * (a * a * q / (1.0 + q) - np.log1p(q))
+
+    def left_out_log_density(self) -> Floats:
+        """Log density (W, n) of each sample given all others, the weights integrated out.
+
+        By the leverage h of each innovation, its share in what the likeliest weights say of it: left out it is
+        predicted with the error ``a/(1 - h)`` and the variance ``1/(1 - h)`` [1]_.
+
+        References
+        ----------
+        .. [1] S. Sundararajan, S. S. Keerthi, Neural Computation 13 (2001) 1103, doi 10.1162/08997660151134343.
+        """
+        density, a, h = self._about(self.normal_weights())
+        left = np.maximum(1.0 - h, LEAST_SHARE_LEFT)
+        return density + 0.5 * (a * a - a * a / left + np.log(left))
+
+    def _about(self, weights: NormalWeights) -> tuple[Floats, Floats, Floats]:
+        """Log density, innovations and variance of these by the weights, (W, n) each, at the mean of weights."""
+        inverse = 1.0 / self.scale
+        e = self.e - (weights.mean @ self.rows) * inverse
+        white = [self.noise.decorrelate(row * inverse, self.shape, self.steps) for row in self.rows]
+        spread = np.stack([np.broadcast_to(w, e.shape) for w in white], axis=-1) @ weights.root
+        density = self.noise.log_density(e, self.shape, self.steps) - np.log(self.scale)
+        return (
+            density,
+            self.noise.decorrelate(e, self.shape, self.steps),
+            np.einsum("wnm,wnm->wn", spread, spread),
+        )
+
     def draw_weights(self, rng: np.random.Generator) -> Floats:
         """Weights (W, m) of the rows [unit of the channel] drawn given everything else."""
         return np.asarray(self.size * self._drawn(rng)[:, : len(self.rows)])
@@ -249,6 +309,11 @@ class _Weights:
         """Draws (W, m) of ``N(0, (1 + H)**-1)``."""
         ...
 
+    @abstractmethod
+    def covariance_root(self) -> Floats:
+        """R (W, m, m) with the covariance ``R R'`` of the weights that all samples share."""
+        ...
+
 
 class _Apart(_Weights):
     """Weights that the samples tell apart from each other: ``H`` is diagonal, with `information` (W, m)."""
@@ -265,6 +330,9 @@ class _Apart(_Weights):
 
     def draw(self, rng: np.random.Generator) -> Floats:
         return np.asarray(rng.standard_normal(self.precision.shape) / np.sqrt(self.precision))
+
+    def covariance_root(self) -> Floats:
+        return np.asarray(np.eye(self.precision.shape[1]) / np.sqrt(self.precision)[:, :, None])
 
 
 class _Coupled(_Weights):
@@ -308,6 +376,9 @@ class _Coupled(_Weights):
 
     def draw(self, rng: np.random.Generator) -> Floats:
         return self._back(rng.standard_normal(self.root.shape[:2]).T.copy())
+
+    def covariance_root(self) -> Floats:
+        return np.asarray(np.swapaxes(np.linalg.inv(self.root), 1, 2) + self.unusable[:, None, None])
 
 
 class WithoutSweeps:
@@ -440,6 +511,9 @@ class _WithSweeps(_Weights):
         own = self.sweeps.draw(rng)
         own = own - np.einsum("wsqm,wm->wsq", self.shares, common)
         return np.concatenate([common, own.reshape(len(own), -1)], axis=1)
+
+    def covariance_root(self) -> Floats:
+        return self.common.covariance_root()
 
 
 @dataclass(frozen=True, slots=True, eq=False)

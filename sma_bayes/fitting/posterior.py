@@ -35,7 +35,7 @@ from sma_bayes.arrays import Floats
 from sma_bayes.batches import batches
 from sma_bayes.errors import PriorError
 from sma_bayes.fitting.discrepancy import DiscrepancyBasis, between_sweeps_fact, size_fact
-from sma_bayes.fitting.discrepancy_weights import Whitened
+from sma_bayes.fitting.discrepancy_weights import NormalWeights, Whitened
 from sma_bayes.fitting.sweep_functions import SweepFunctions
 from sma_bayes.noise import NOISE_MODELS, NoiseModel, Steps
 from sma_bayes.noise.heteroscedastic import temperature_sd_fact
@@ -336,6 +336,42 @@ class Posterior:
                             found[channel][part] = whitened.draw_weights(rng)[:, :count]
             out.append(found)
         return tuple(out)
+
+    def has_normal_weights(self, channel: str, record: int = 0) -> bool:
+        """Whether a discrepancy has weights that are normal given all else, and sweeps have nothing of their own."""
+        found = channel in self.discrepancy[record] and self.noise.is_gaussian and self.noise.is_density
+        return found and not self._sweeps_differ(record, channel)
+
+    def normal_weights(self, theta: Floats, channel: str, record: int = 0) -> NormalWeights:
+        """Weights of a discrepancy given the measurements and each of some parameter vectors (W, P)."""
+        found = [w.normal_weights() for w in self._whitened_in_parts(theta, channel, record)]
+        return NormalWeights(np.concatenate([f.mean for f in found]), np.concatenate([f.root for f in found]))
+
+    def predictive_log_density(
+        self, theta: Floats, weights: NormalWeights, channel: str, record: int = 0
+    ) -> Floats:
+        """Log density (W, n) of measurements that had no part in what is known of the weights, these integrated out.
+
+        What `pointwise_log_likelihood` gives for drawn weights has this mean, and needs many more draws where the
+        discrepancy is known far less well than the noise is small.
+        """
+        start, found = 0, []
+        for whitened in self._whitened_in_parts(theta, channel, record):
+            own = slice(start, start := start + len(whitened.e))
+            found.append(whitened.predictive_log_density(NormalWeights(weights.mean[own], weights.root[own])))
+        return np.concatenate(found)
+
+    def left_out_log_density(self, theta: Floats, channel: str, record: int = 0) -> Floats:
+        """Log density (W, n) of each measurement given all others, the weights of the discrepancy integrated out."""
+        parts = self._whitened_in_parts(theta, channel, record)
+        return np.concatenate([w.left_out_log_density() for w in parts])
+
+    def _whitened_in_parts(self, theta: Floats, channel: str, record: int) -> Iterator[Whitened]:
+        """Standardised residuals with a discrepancy, for some parameter vectors at a time."""
+        for part in batches(len(theta), self.records[record].n, CHUNK_SAMPLES):
+            for name, e, scale in self._standardised(theta[part], record):
+                if name == channel:
+                    yield self._whitened(theta[part], record, channel, e, scale)
 
     def draw_sweeps(
         self, rng: np.random.Generator, theta: Floats, record: int, channel: str, weights: Weights = ()

@@ -33,6 +33,8 @@ DRAWS: Final = 4000
 """Importance draws of a proposal."""
 ENOUGH_EFFECTIVE_DRAWS: Final = 200.0
 """Effective draws that a posterior needs."""
+EXTRA_DRAWS_FACTOR: Final = 4
+"""Times as many draws where the first few do not do: still far fewer than a proposal of its own takes."""
 COMPONENTS, ROUNDS, POPULATION, RESAMPLED = 12, 5, 8000, 2000
 """Of the mixtures that are fitted to draws: components, how often they are fitted, draws each time, and how many of
 them they are fitted to."""
@@ -112,32 +114,55 @@ def importance_draws(
 
 
 def few_draws(
-    density: Density, start: Floats, width: Floats, seed: np.random.SeedSequence, size: int
+    density: Density,
+    starts: Sequence[Floats],
+    width: Floats,
+    seed: np.random.SeedSequence,
+    size: int,
+    *,
+    others: Sequence[DrawSource] = (),
 ) -> WeightedDraws:
     """Sample one of very many similar densities: `size` draws of the first proposal, where these do.
 
     Parameters
     ----------
     density : Density
-    start : ndarray, shape (D,)
+    starts : sequence of ndarray, shape (D,)
+        As those of `importance_draws`, whose draws are given where those of the first proposal can't be relied on.
+        It is about one mode, so that it is tried only where there is one start.
     width : ndarray, shape (D,)
-        See `importance_draws`, whose draws are given where those of the first proposal can't be relied on.
     seed : numpy.random.SeedSequence
     size : int
         At least twice `ENOUGH_EFFECTIVE_DRAWS`.
+    others : sequence of DrawSource
+        Those of similar densities, to be tried before.
     """
     first_seed, thorough_seed = seed.spawn(2)
     rng = np.random.default_rng(first_seed)
-    mode = find_mode(density, start, width)
+    for source in others:
+        found = drawn_if_enough(density, source, (), rng, size)
+        if found is not None:
+            return found
+    mode = find_mode(density, starts[0], width) if len(starts) == 1 else None
     linearised = None if mode is None else linearised_at(density, mode.z)
     if mode is not None and linearised is not None:
         with np.errstate(all="ignore"):  # what is not a number has no weight
             proposal = first_proposal(linearised, mode, rng)
             if proposal is not None:
-                found = drawn(density, proposal, [mode], rng, size)
-                if found.converged:
+                found = drawn_if_enough(density, proposal, [mode], rng, size)
+                if found is not None:
                     return found
-    return importance_draws(density, [start], width, thorough_seed)
+    return importance_draws(density, starts, width, thorough_seed)
+
+
+def drawn_if_enough(
+    density: Density, proposal: DrawSource, modes: Sequence[Mode], rng: np.random.Generator, size: int
+) -> WeightedDraws | None:
+    """Importance draws from a proposal, `size` or `EXTRA_DRAWS_FACTOR` times as many; None where neither do."""
+    found = drawn(density, proposal, modes, rng, size)
+    if not found.converged and EXTRA_DRAWS_FACTOR * found.effective >= ENOUGH_EFFECTIVE_DRAWS:
+        found = drawn(density, proposal, modes, rng, EXTRA_DRAWS_FACTOR * size)
+    return found if found.converged else None
 
 
 def _population(

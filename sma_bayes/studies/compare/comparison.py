@@ -74,7 +74,7 @@ CURVE_DRAWS: Final = 1000
 """Draws of the curve that are compared with the data, for the correlation factors."""
 TIMED_EVALUATIONS: Final = 200
 """Evaluations of a density by which its time is told."""
-EVALUATIONS_PER_FIT: Final = 40000
+EVALUATIONS_PER_FIT: Final = 25000
 """Evaluations of the density that one fit and its share of what is predicted take, by their time: of two records of
 298 and 299 samples, eleven models together."""
 LEVELS_READ: Final = ("K_min", "K_max")

@@ -16,7 +16,7 @@ import numpy as np
 from sma_bayes.arrays import Floats
 from sma_bayes.sampling.bridge import fitted_proposal
 from sma_bayes.sampling.density import Density
-from sma_bayes.sampling.importance import WeightedDraws, drawn, few_draws
+from sma_bayes.sampling.importance import WeightedDraws, drawn_if_enough, few_draws
 from sma_bayes.sampling.laplace import Mode, find_mode
 from sma_bayes.sampling.proposals import DrawSource
 
@@ -24,8 +24,6 @@ LEAST_POSTERIORS: Final = 4
 """Posteriors that a shape is found of, at least."""
 COMPONENTS: Final = 4
 """Of the mixture that is fitted to their draws."""
-EXTRA_DRAWS_FACTOR: Final = 4
-"""Times as many draws where the first ones of the shape do not do: still far fewer than a proposal of its own takes."""
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -119,9 +117,7 @@ def refitted(
     mode = None if common is None else find_mode(density, start, width)
     if common is not None and mode is not None:
         proposal = AboutMode(common.shape, mode.z, stretched(common.root, mode))
-        rng = np.random.default_rng(shape_seed)
-        for more in (1, EXTRA_DRAWS_FACTOR):
-            found = drawn(density, proposal, [mode], rng, more * size)
-            if found.converged:
-                return found
-    return few_draws(density, start, width, other_seed, size)
+        found = drawn_if_enough(density, proposal, [mode], np.random.default_rng(shape_seed), size)
+        if found is not None:
+            return found
+    return few_draws(density, [start], width, other_seed, size)

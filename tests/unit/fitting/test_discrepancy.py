@@ -9,7 +9,7 @@ from scipy.special import logsumexp
 
 from sma_bayes.arrays import Floats
 from sma_bayes.fitting.discrepancy import NODES, DiscrepancyBasis, build_basis, nodes_of
-from sma_bayes.fitting.discrepancy_weights import Whitened, safe_cholesky
+from sma_bayes.fitting.discrepancy_weights import NormalWeights, Whitened, safe_cholesky
 from sma_bayes.noise import NOISE_MODELS, Steps
 
 N = 40
@@ -198,6 +198,53 @@ def test_weights_are_drawn_from_the_dense_conditional(name: str, kind: str) -> N
     assert np.all(np.abs(draws.mean(axis=0) - mean) < 5.0 * sd / np.sqrt(size))
     error = np.sqrt((np.outer(sd, sd) ** 2 + covariance**2) / size)
     assert np.all(np.abs(np.cov(draws.T) - covariance) < 5.0 * error)
+
+
+@GAUSSIAN
+@KINDS
+def test_a_sample_left_out_has_the_dense_conditional_given_all_others(name: str, kind: str) -> None:
+    """Of innovations: where the noise has a memory, that of a sample with what those before it foretell."""
+    w = whitened(name, kind)
+    found = w.left_out_log_density()
+    for row in range(2):
+        residual, noise, prior = dense(w, row, name)
+        root = np.linalg.cholesky(noise)
+        a, rows = np.linalg.solve(root, residual), np.linalg.solve(root, w.rows.T)
+        precision = np.linalg.inv(np.eye(N) + rows @ prior @ rows.T)
+        sd = 1.0 / np.sqrt(np.diag(precision))
+        expected = stats.norm.logpdf(sd**2 * (precision @ a), scale=sd) - np.log(np.diag(root))
+        np.testing.assert_allclose(found[row], expected, rtol=1e-8, atol=1e-8)
+
+
+@GAUSSIAN
+@KINDS
+def test_samples_that_weights_know_nothing_of_have_the_dense_predictive_density(name: str, kind: str) -> None:
+    w = whitened(name, kind)
+    rng = np.random.default_rng(8)
+    root = np.tril(rng.normal(size=(2, w.rows.shape[0], w.rows.shape[0]))) * 0.05
+    mean = 0.1 * rng.normal(size=(2, w.rows.shape[0]))
+    found = w.predictive_log_density(NormalWeights(mean, root))
+    for row in range(2):
+        residual, noise, _ = dense(w, row, name)
+        own = np.linalg.cholesky(noise)
+        a = np.linalg.solve(own, residual - mean[row] @ w.rows)
+        spread = np.linalg.solve(own, w.rows.T) @ root[row]
+        sd = np.sqrt(1.0 + np.sum(spread**2, axis=1))
+        expected = stats.norm.logpdf(a, scale=sd) - np.log(np.diag(own))
+        np.testing.assert_allclose(found[row], expected, rtol=1e-8, atol=1e-8)
+
+
+@GAUSSIAN
+@KINDS
+def test_weights_are_normal_with_the_dense_conditional(name: str, kind: str) -> None:
+    w = whitened(name, kind)
+    found = w.normal_weights()
+    for row in range(2):
+        residual, noise, prior = dense(w, row, name)
+        covariance = np.linalg.inv(np.linalg.inv(prior) + w.rows @ np.linalg.solve(noise, w.rows.T))
+        np.testing.assert_allclose(found.root[row] @ found.root[row].T, covariance, atol=1e-10)
+        mean = covariance @ w.rows @ np.linalg.solve(noise, residual)
+        np.testing.assert_allclose(found.mean[row], mean, atol=1e-9)
 
 
 @pytest.mark.parametrize("name", ["student_t", "ar1_student_t"])

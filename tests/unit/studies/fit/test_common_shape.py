@@ -47,7 +47,7 @@ def common() -> CommonShape:
     found = []
     for n in range(8):
         density = Skewed(np.array([0.1 * n, -0.2 * n]), 0.5 + 0.1 * n)
-        found.append(few_draws(density, START, WIDTH, np.random.SeedSequence(n), SIZE))
+        found.append(few_draws(density, [START], WIDTH, np.random.SeedSequence(n), SIZE))
     shape = CommonShape.of(found, np.random.default_rng(0))
     assert shape is not None
     return shape
@@ -77,7 +77,7 @@ def test_draws_of_the_shape_carry_another_posterior(common: CommonShape) -> None
 
 def test_too_few_give_no_shape_and_one_that_fails_is_left(common: CommonShape) -> None:
     density = Skewed(np.zeros(2), 1.0)
-    one = few_draws(density, START, WIDTH, np.random.SeedSequence(0), SIZE)
+    one = few_draws(density, [START], WIDTH, np.random.SeedSequence(0), SIZE)
     assert CommonShape.of([one] * 3, np.random.default_rng(0)) is None
     far = CommonShape(common.root, AboutMode(common.shape, np.full(2, 40.0), np.eye(2)))
     found = refitted(density, START, WIDTH, np.random.SeedSequence(0), SIZE, far)
