@@ -277,7 +277,10 @@ def test_two_modes_of_unequal_weight_in_ten_dimensions(seed: int) -> None:
 @pytest.mark.thorough
 @pytest.mark.parametrize("joint", [True, False], ids=["multivariate", "independent"])
 def test_heavy_tails_in_ten_dimensions(joint: bool) -> None:
-    """Student's t with 3 degrees of freedom: one radius for all coordinates, or each its own."""
+    """Student's t with 3 degrees of freedom: one radius for all coordinates, or each its own.
+
+    Its kurtosis is infinite: standard deviations may stay unknown whatever is drawn, and shares are right then, too.
+    """
 
     def log_prob(z: np.ndarray) -> np.ndarray:
         if joint:
@@ -285,10 +288,12 @@ def test_heavy_tails_in_ten_dimensions(joint: bool) -> None:
         return -2.0 * np.log1p(z**2 / 3.0).sum(axis=1)
 
     draws = run(Density(log_prob, 10), plan=Plan(evaluations=600_000))
-    if draws.convergence.converged:
+    found, target = draws.convergence, Plan().target
+    if not found.converged and draws.evaluations < 600_000:
+        assert found.sd_error.max() > target.sd_error
+        assert replace(found, sd_error=np.zeros(10)).reaches(target)
+    if found.converged or draws.evaluations < 600_000:
         right_shares(draws, student_t(3).ppf)
-    else:
-        assert draws.evaluations >= 600_000
 
 
 def funnel_of(width: float) -> Density:
