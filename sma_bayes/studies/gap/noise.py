@@ -630,7 +630,8 @@ def block_noise(
     if response is not None:
         grown = growth(innovations[noisy], response[noisy])
         if grown.is_noise:
-            width = np.exp(grown.slope * response / np.ptp(response[noisy]))
+            low, high = response[noisy].min(), response[noisy].max()
+            width = np.exp(grown.slope * (np.clip(response, low, high) - low) / (high - low))
             width = width / np.sqrt(np.mean(width**2))
             noise, innovations = likeliest(smooth, width, random)
     narrowest = noise.sd * float(np.sqrt(1.0 - np.median(noise.memory) ** 2))
