@@ -71,9 +71,11 @@ CHANGE_SD_GRID = np.geomspace(0.03, 1000.0, 13)
 """Sizes of changes of the curve that are tried, in standard deviations of the noise."""
 CURVE_CHANGE_P = 1e-6
 """The same for these, which are many; where they are weighed by their evidence, its inverse is the Bayes factor."""
-LONG_CORRELATION = 0.5
-"""Memory from which on they are tried, and what one cycle has of its own, and jumps: all of these pass for noise that
-remembers, or not for noise. Of a bump in one cycle of five, white noise seems to have 0.7 to 0.8."""
+LONG_CORRELATION = 0.8
+"""Memory from which on they are tried: what changes the curve passes for noise that remembers, or not for noise."""
+LEAST_CORRELATION = 0.5
+"""Memory from which on it is tried what one cycle has of its own, and jumps: white noise beside a bump in one cycle of
+five seems to have one of 0.7 to 0.8."""
 MAX_MEMORY_RATIO = 0.5
 """Time that noise remembers beside them over that without, up to which they are taken out: what only passed for memory
 is in them then. A hum, say, has a part in so many columns, too, and its memory stays as it is."""
@@ -617,12 +619,12 @@ def block_noise(
         noise, innovations = likeliest(smooth)
         if (shorter := with_random(noise, smooth, sets)) is not None:
             random, noise, innovations = shorter
-    if of_cycles is not None and np.median(noise.memory) >= LONG_CORRELATION:
+    if of_cycles is not None and np.median(noise.memory) >= LEAST_CORRELATION:
         own, *sets = of_cycles(smooth)
         wider = np.concatenate([smooth, own], axis=1)
         if (shorter := with_random(noise, wider, sets, random)) is not None:
             smooth, (random, noise, innovations) = wider, shorter
-    if np.median(noise.memory) >= LONG_CORRELATION:
+    if np.median(noise.memory) >= LEAST_CORRELATION:
         sets, log_prior = jump_columns(innovations, block, smooth)
         if (shorter := with_random(noise, smooth, sets, random, log_prior)) is not None:
             random, noise, innovations = shorter
