@@ -152,8 +152,12 @@ def density_of(
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # far tails of a prior
         (pointwise,) = evaluated_on(posterior, record).pointwise_log_likelihood(theta, weights)
     share = posterior.noise.likelihood_weight(posterior.noise_shape(theta, 0, channel))
-    density = pointwise[channel] / share[:, None]
-    return np.where(np.isnan(density), -np.inf, density), share
+    return _impossible_where_undefined(pointwise[channel] / share[:, None]), share
+
+
+def _impossible_where_undefined(log_density: Floats) -> Floats:
+    """Log densities, minus infinity where one is not a number: in the far tails of a prior curves overflow."""
+    return np.where(np.isnan(log_density), -np.inf, log_density)
 
 
 def density_without(
@@ -182,7 +186,7 @@ def density_without(
     with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # far tails of a prior
         weights = posterior.normal_weights(theta, channel)
         density = evaluated_on(posterior, record).predictive_log_density(theta, weights, channel)
-    return np.where(np.isnan(density), -np.inf, density)
+    return _impossible_where_undefined(density)
 
 
 def missed_by(posterior: Posterior, theta: Floats, seed: np.random.SeedSequence) -> Weights:
@@ -324,7 +328,7 @@ class Predictor:
             return density_of(self.posterior, theta, self.weights, self.record)
         with np.errstate(over="ignore", invalid="ignore", divide="ignore"):  # far tails of a prior
             density = self.posterior.left_out_log_density(theta, channel)
-        return np.where(np.isnan(density), -np.inf, density), np.ones(len(theta))
+        return _impossible_where_undefined(density), np.ones(len(theta))
 
     def _anew(self, targets: Sequence[Mask], k: Floats, trust: float) -> Mask:
         anew = ~np.asarray(k <= trust)

@@ -349,10 +349,13 @@ class _Coupled(_Weights):
         return np.ascontiguousarray(np.moveaxis(self.root, 0, -1))
 
     @cached_property
+    def _inverse_root(self) -> Floats:
+        return np.asarray(np.linalg.inv(self.root))
+
+    @cached_property
     def _covariance(self) -> Floats:
         """``(1 + H)**-1``, worth its time where a step after the other asks for it."""
-        inverse_root = np.linalg.inv(self.root)
-        return np.asarray(np.swapaxes(inverse_root, 1, 2) @ inverse_root)
+        return np.asarray(np.swapaxes(self._inverse_root, 1, 2) @ self._inverse_root)
 
     def solve(self, right: Floats) -> Floats:
         if not self.whitened.noise.is_gaussian:
@@ -378,7 +381,7 @@ class _Coupled(_Weights):
         return self._back(rng.standard_normal(self.root.shape[:2]).T.copy())
 
     def covariance_root(self) -> Floats:
-        return np.asarray(np.swapaxes(np.linalg.inv(self.root), 1, 2) + self.unusable[:, None, None])
+        return np.asarray(np.swapaxes(self._inverse_root, 1, 2) + self.unusable[:, None, None])
 
 
 class WithoutSweeps:

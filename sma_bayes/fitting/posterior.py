@@ -352,8 +352,8 @@ class Posterior:
     ) -> Floats:
         """Log density (W, n) of measurements that had no part in what is known of the weights, these integrated out.
 
-        What `pointwise_log_likelihood` gives for drawn weights has this mean, and needs many more draws where the
-        discrepancy is known far less well than the noise is small.
+        Densities that `pointwise_log_likelihood` gives for drawn weights have this one as their mean. Where the
+        discrepancy is known far less well than the noise is small it takes many draws to come near it.
         """
         start, found = 0, []
         for whitened in self._whitened_in_parts(theta, channel, record):

@@ -129,7 +129,7 @@ def few_draws(
     density : Density
     starts : sequence of ndarray, shape (D,)
         As those of `importance_draws`, whose draws are given where those of the first proposal can't be relied on.
-        It is about one mode, so that it is tried only where there is one start.
+        That proposal is about one mode, so that it is tried only where there is one start.
     width : ndarray, shape (D,)
     seed : numpy.random.SeedSequence
     size : int
@@ -158,7 +158,10 @@ def few_draws(
 def drawn_if_enough(
     density: Density, proposal: DrawSource, modes: Sequence[Mode], rng: np.random.Generator, size: int
 ) -> WeightedDraws | None:
-    """Importance draws from a proposal, `size` or `EXTRA_DRAWS_FACTOR` times as many; None where neither do."""
+    """Importance draws from a proposal, `size` or, where that promises to do, `EXTRA_DRAWS_FACTOR` times as many.
+
+    None where neither do.
+    """
     found = drawn(density, proposal, modes, rng, size)
     if not found.converged and EXTRA_DRAWS_FACTOR * found.effective >= ENOUGH_EFFECTIVE_DRAWS:
         found = drawn(density, proposal, modes, rng, EXTRA_DRAWS_FACTOR * size)

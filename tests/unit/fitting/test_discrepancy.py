@@ -85,6 +85,14 @@ def dense(w: Whitened, row: int, name: str) -> tuple[np.ndarray, np.ndarray, np.
     return w.e[row] * scale, noise, np.eye(len(w.rows)) * w.size[row] ** 2
 
 
+def dense_conditional(w: Whitened, row: int, name: str) -> tuple[np.ndarray, np.ndarray]:
+    """Mean and covariance of the weights given the residuals."""
+    residual, noise, prior = dense(w, row, name)
+    information = np.linalg.inv(prior) + w.rows @ np.linalg.solve(noise, w.rows.T)
+    covariance = np.linalg.inv(information)
+    return covariance @ w.rows @ np.linalg.solve(noise, residual), covariance
+
+
 KINDS = pytest.mark.parametrize("kind", ["even", "growing", "temperature"])
 GAUSSIAN = pytest.mark.parametrize("name", list(SHAPES))
 
@@ -188,10 +196,7 @@ def test_weights_are_drawn_from_the_dense_conditional(name: str, kind: str) -> N
         w.noise, np.tile(w.shape[:1], (size, 1)), w.steps, np.tile(w.e[:1], (size, 1)),
         np.tile(w.scale[:1], (size, 1)), w.rows, np.tile(w.size[:1], (size, 1)),
     )  # fmt: skip
-    residual, noise, prior = dense(w, 0, name)
-    information = np.linalg.inv(prior) + w.rows @ np.linalg.solve(noise, w.rows.T)
-    covariance = np.linalg.inv(information)
-    mean = covariance @ w.rows @ np.linalg.solve(noise, residual)
+    mean, covariance = dense_conditional(w, 0, name)
     np.testing.assert_allclose(w.likeliest_weights()[0], mean, atol=1e-9)
     draws = many.draw_weights(np.random.default_rng(5))
     sd = np.sqrt(np.diag(covariance))
@@ -240,10 +245,8 @@ def test_weights_are_normal_with_the_dense_conditional(name: str, kind: str) -> 
     w = whitened(name, kind)
     found = w.normal_weights()
     for row in range(2):
-        residual, noise, prior = dense(w, row, name)
-        covariance = np.linalg.inv(np.linalg.inv(prior) + w.rows @ np.linalg.solve(noise, w.rows.T))
+        mean, covariance = dense_conditional(w, row, name)
         np.testing.assert_allclose(found.root[row] @ found.root[row].T, covariance, atol=1e-10)
-        mean = covariance @ w.rows @ np.linalg.solve(noise, residual)
         np.testing.assert_allclose(found.mean[row], mean, atol=1e-9)
 
 
