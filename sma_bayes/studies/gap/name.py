@@ -259,6 +259,9 @@ class Candidate:
     one_stage : float
         Log Bayes factor of the best shape that a curve of one stage can have, for an effect that hangs on it; -inf for
         others.
+    over_shape : float
+        Log Bayes factor over that shape by the noise that is left beside the effect; infinite where that is not
+        smaller, or it fails by something else.
     over_jumps : float
         Log Bayes factor of the effect, with the best flexible term on top of it, over a few jumps, where the curve is
         free to have any shape; infinite where these explain less than `LEAST_SHARE_OF_JUMPS` of what it does, or it
@@ -276,6 +279,7 @@ class Candidate:
     beyond_form: float = 0.0
     untestable: str = ""
     one_stage: float = -np.inf
+    over_shape: float = np.inf
     over_jumps: float = np.inf
     in_own_noise: Candidate | None = None
 
@@ -371,9 +375,11 @@ class Candidate:
     def beats_shape(self) -> bool:
         """Whether it is worth more than the shapes of one stage, or explains what lies beyond any shape.
 
-        An effect that claims a stage of its own has to be worth more than those of one.
+        More by the noise that is left beside it, too: what both leave out passes for noise without them, in which the
+        better of two shapes may be worth less. An effect that claims a stage of its own has to be worth more than those
+        of one.
         """
-        more = self.ln_bayes_factor >= self.one_stage + LEAST_LN_BAYES_FACTOR
+        more = min(self.ln_bayes_factor - self.one_stage, self.over_shape) >= LEAST_LN_BAYES_FACTOR
         return more or (self.beyond_shape and not claims_a_stage(self.effect))
 
     @property
@@ -488,14 +494,24 @@ def in_own_noise(fitted: FittedHypothesis, extended: FittedHypothesis) -> Candid
         None where that noise is not smaller, by `STRONG_LN_BAYES_FACTOR` in log likelihood, so that nothing would
         change.
     """
+    both = _in_noise_beside(fitted, extended)
+    if both is None:
+        return None
+    bare, found = both
+    flexible = gains(bare, terms_of(bare))
+    effect = extended.hypothesis.effects[-1]
+    return judged(bare, found, screen(bare, effect), flexible, Rivals.of(bare, flexible))
+
+
+def _in_noise_beside(
+    fitted: FittedHypothesis, extended: FittedHypothesis
+) -> tuple[FittedHypothesis, FittedHypothesis] | None:
+    """A model and the same with an effect, both with the noise that is left beside it; None where it is not smaller."""
     found = fit_with_noise(extended.hypothesis, extended.z)
     smaller = sum(a.log_scale - b.log_scale for a, b in zip(fitted.noise, found.noise, strict=True))
     if smaller < STRONG_LN_BAYES_FACTOR:
         return None
-    bare = fit_hypothesis(fitted.hypothesis, fitted.z, found.noise)
-    flexible = gains(bare, terms_of(bare))
-    effect = extended.hypothesis.effects[-1]
-    return judged(bare, found, screen(bare, effect), flexible, Rivals.of(bare, flexible))
+    return fit_hypothesis(fitted.hypothesis, fitted.z, found.noise), found
 
 
 def _best_law(fitted: FittedHypothesis, screened: Sequence[Screened]) -> float:
@@ -560,6 +576,8 @@ def judged(
         return found
     if claims_a_stage(screened.effect) or not found.beyond_shape:
         found = replace(found, one_stage=rivals.shapes.worth(gained - LEAST_LN_BAYES_FACTOR))
+        if found.beats_shape and np.isfinite(found.one_stage):
+            found = replace(found, over_shape=_over_shape(fitted, extended))
     if not found.beats_shape:
         return found
     jumps = rivals.jumps_within_cycles if members_of(screened.effect) else rivals.jumps
@@ -567,6 +585,16 @@ def judged(
         return found
     explained = beside.beyond_shape + beside.rest_beyond_shape
     return replace(found, over_jumps=jumps.evidence_over(extended, explained))
+
+
+def _over_shape(fitted: FittedHypothesis, extended: FittedHypothesis) -> float:
+    """Log Bayes factor of an effect over the shapes of one stage by the noise beside it; see `Candidate.over_shape`."""
+    both = _in_noise_beside(fitted, extended)
+    if both is None:
+        return np.inf
+    bare, found = both
+    gained = found.ln_evidence - bare.ln_evidence
+    return gained - OneStageShapes(bare).worth(gained - LEAST_LN_BAYES_FACTOR)
 
 
 def screen(fitted: FittedHypothesis, effect: Effect) -> Screened:

@@ -289,6 +289,12 @@ def judgement(study: GapStudy, candidate: Candidate) -> tuple[Status, str]:
             f"{_beside_text(study, candidate)}"
         )
     if not candidate.beats_shape:
+        if np.isfinite(candidate.over_shape):
+            return "rejected", (
+                "by the noise that is left beside it, which that of the model without it exceeds, one stage of another "
+                f"shape explains as much (ln Bayes factor of the effect over it {candidate.over_shape:.1f})"
+                f"{_beyond_text(candidate)}; --model offers richer ones"
+            )
         return "rejected", (
             f"one stage of another shape explains as much (ln Bayes factor {candidate.one_stage:.1f} against "
             f"{candidate.ln_bayes_factor:.1f}){_beyond_text(candidate)}; --model offers richer ones"

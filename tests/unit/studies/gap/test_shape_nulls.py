@@ -1,6 +1,6 @@
 """Curves of another shape with nothing hidden: none of them may get a name.
 
-At a false-alarm rate of 1 % a campaign one name in these would come by chance with a probability of 6 %.
+At a false-alarm rate of 1 % a campaign one name in these would come by chance with a probability of 7 %.
 """
 
 from __future__ import annotations
@@ -38,7 +38,8 @@ def in_two_stages(x, rising):
     [
         (skewed, 1),
         pytest.param(skewed, 2, marks=pytest.mark.thorough),
-        pytest.param(skewed_each_way, 3, marks=pytest.mark.thorough),
+        (skewed_each_way, 3),
+        pytest.param(skewed_each_way, 4, marks=pytest.mark.thorough),
         (sloped, 4),
         pytest.param(sloped, 5, marks=pytest.mark.thorough),
         pytest.param(in_two_stages, 6, marks=pytest.mark.thorough),
