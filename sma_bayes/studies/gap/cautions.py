@@ -38,6 +38,7 @@ def cautions(found: GapOfModel) -> list[str]:
         *_about_scatter(found),
         *_about_sweeps(found),
         *_about_suspects(found),
+        *_about_steadiness(found),
         *_about_memory(found),
         *_about_spectrum(found),
     ]
@@ -222,6 +223,15 @@ def _about_spectrum(found: GapOfModel) -> list[str]:
         f"The noise of {where} does not look like its model, AR(1): between {band.start:.3g} and {band.stop:.3g} "
         f"{band.unit} it has {band.ratio:.2g} times the power that is assumed{others}. Bayes factors and the "
         "p-value lean on that model."
+    ]
+
+
+def _about_steadiness(found: GapOfModel) -> list[str]:
+    if not found.steady_noise:
+        return []
+    return [
+        "At first nothing was seen: one cycle unlike the others, or jumps, had passed for noise that remembers. "
+        "Places, sizes and the p-value are beside the shorter memory that is left without them."
     ]
 
 

@@ -101,6 +101,7 @@ def gap_of_model(outcome: GapOutcome) -> GapOfModel:
     return GapOfModel.about(
         study,
         p_value_extrapolated=study.steps[0].look.extrapolated,
+        steady_noise=study.baseline.hypothesis.steady_noise,
         converged=outcome.converged,
         disagreement=() if none else found,
         within_chance=found if none else (),

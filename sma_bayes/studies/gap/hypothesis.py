@@ -46,6 +46,8 @@ class Hypothesis:
     layout : tuple of ndarray of int
         For each history, positions of the simulation's parameters.
     scales : Scales
+    steady_noise : bool
+        Whether neither one cycle unlike the others nor a jump may have made noise remember; see `block_noise`.
     """
 
     histories: tuple[History, ...]
@@ -55,6 +57,7 @@ class Hypothesis:
     layout: tuple[Positions, ...]
     scales: Scales
     _base: int = field(default=0)
+    steady_noise: bool = False
 
     @property
     def channels(self) -> tuple[str, ...]:

@@ -5,10 +5,11 @@ too: estimated from its residuals, the memory would absorb the very disagreement
 from what is left after smooth functions of temperature on each branch, and a level of each cycle, have been taken out,
 by restricted likelihood, which counts the freedom that they use up; and smooth functions of time and of whatever else
 was recorded as well, where these describe more than noise does. Where noise that remembers is left, what changes the
-curve with something recorded is taken out, too, where it describes more than such noise does; and of a short record the
-stroke, place and width of its own. Noise without any misfit is then estimated without bias, and a misfit that repeats
-from cycle to cycle, or follows something recorded, does not pass for noise. All hypotheses of a round share the
-estimate.
+curve with something recorded is taken out, too, where it describes more than such noise does; of a short record the
+stroke, place and width of its own; and for a hypothesis of steady noise what one cycle alone has, and jumps, where
+these leave a much shorter memory.
+Noise without any misfit is then estimated without bias, and a misfit that repeats from cycle to cycle, or follows
+something recorded, does not pass for noise. All hypotheses of a round share the estimate.
 """
 
 from __future__ import annotations
@@ -22,7 +23,7 @@ import numpy as np
 from numpy.typing import NDArray
 from scipy import stats
 from scipy.linalg import solve_banded
-from scipy.special import logsumexp, ndtri
+from scipy.special import gammaln, logsumexp, ndtri
 
 from sma_bayes.arrays import Floats
 from sma_bayes.noise.ar1 import memory_innovations, memory_log_scale, memory_series
@@ -67,15 +68,22 @@ COVARIATE_P = 1e-3
 """Probability that noise puts as much into these, up to which they are taken out."""
 CURVE_CHANGE_SPLINES = {"cycle": 5, "rate": 4, "ambient_temperature": 4, "current": 4}
 """Splines of what may change the curve itself, its stroke and its place on the axis of temperature."""
-CHANGE_SD_GRID = np.geomspace(0.03, 100.0, 10)
+CHANGE_SD_GRID = np.geomspace(0.03, 1000.0, 13)
 """Sizes of changes of the curve that are tried, in standard deviations of the noise."""
 CURVE_CHANGE_P = 1e-6
 """The same for these, which are many; where they are weighed by their evidence, its inverse is the Bayes factor."""
 LONG_CORRELATION = 0.8
 """Memory from which on they are tried: what changes the curve passes for noise that remembers, or not for noise."""
+LEAST_CORRELATION = 0.5
+"""Memory from which on it is tried what one cycle has of its own, and jumps: white noise beside a bump in one cycle of
+five seems to have one of 0.7 to 0.8."""
 MAX_MEMORY_RATIO = 0.5
 """Time that noise remembers beside them over that without, up to which they are taken out: what only passed for memory
 is in them then. A hum, say, has a part in so many columns, too, and its memory stays as it is."""
+MOST_JUMPS = 6
+"""Jumps of a record that are tried."""
+FEWEST_CYCLES = 3
+"""Cycles of a record from which on one of them may be unlike the others."""
 LEAST_SAMPLES_PER_SPLINE = 40
 """Samples for each spline of what else was recorded, at least."""
 RELATIVE_PRECISION = 1e-9
@@ -298,12 +306,16 @@ def noise_of(
         misfit = np.concatenate([smooth, courses / np.maximum(np.abs(courses).max(axis=0), 1e-300)], axis=1)
         response = history.observed[block.channel] - own
         recorded = recorded_columns(inputs, misfit)
-        changed = changes = None
+        changed = changes = of_cycles = None
         if block.channel != "temperature":
+            if hypothesis.steady_noise:
+                of_cycles = partial(_of_cycles, hypothesis, block, theta, response, smooth)
             changed = partial(_changed, hypothesis, block, theta, response, misfit, recorded)
             changes = partial(_changes, hypothesis, block, theta, response)
         cut = _cut_off(history.observed[block.channel])
-        out.append(block_noise(own, block, misfit, lattice, recorded, response, changed, changes, cut))
+        out.append(
+            block_noise(own, block, misfit, lattice, recorded, response, changed, changes, cut, of_cycles)
+        )
         beside.append((smooth, courses))
     return _with_scattered_switching(blocks, out, residual, beside)
 
@@ -350,6 +362,24 @@ def _changes(hypothesis: Hypothesis, block: ChannelBlock, theta: Floats, respons
     """See `curve_changes`; made where noise that remembers is left, as most of it does not."""
     inputs = hypothesis.histories[block.history].inputs
     return curve_changes(inputs, response, slope_of(hypothesis, block, theta))
+
+
+def _of_cycles(
+    hypothesis: Hypothesis,
+    block: ChannelBlock,
+    theta: Floats,
+    response: Floats,
+    smooth: Floats,
+    known: Floats,
+) -> list[Floats]:
+    """See `cycle_columns`; made where noise that remembers is left, as most of it does not."""
+    inputs = hypothesis.histories[block.history].inputs
+    own, *_ = curve_changes(inputs, response, slope_of(hypothesis, block, theta))
+    own = _free_of(known, [own])
+    return [
+        own,
+        *cycle_columns(inputs, np.concatenate([smooth, own], axis=1), np.concatenate([known, own], axis=1)),
+    ]
 
 
 def slope_of(hypothesis: Hypothesis, block: ChannelBlock, theta: Floats) -> Floats:
@@ -438,6 +468,51 @@ def curve_changes(inputs: Mapping[str, Floats], response: Floats, slope: Floats)
     return [own, *changed, *every]
 
 
+def cycle_columns(inputs: Mapping[str, Floats], courses: Floats, known: Floats) -> list[Floats]:
+    """What one cycle alone may miss, as where a specimen was out of its seat: a set of columns (n, k) for each cycle.
+
+    None of a record of fewer than `FEWEST_CYCLES`.
+
+    Parameters
+    ----------
+    inputs : mapping of str to ndarray, shape (n,)
+        Of a history.
+    courses : ndarray, shape (n, k)
+        What it may miss while it lasts, see `smooth_columns` and `curve_changes`.
+    known : ndarray, shape (n, j)
+        Columns of which the sets are to be free.
+    """
+    cycle = indicators(grouped(inputs["cycle"]))
+    if cycle.shape[1] < FEWEST_CYCLES:
+        return []
+    return [_free_of(known, [courses * on[:, None]]) for on in cycle.T]
+
+
+def jump_columns(innovations: Floats, block: ChannelBlock, known: Floats) -> tuple[list[Floats], Floats]:
+    """Levels that change for good, as where a grip slips: at the greatest innovation, at the two greatest, and so on.
+
+    Parameters
+    ----------
+    innovations : ndarray, shape (n,)
+    block : ChannelBlock
+    known : ndarray, shape (n, k)
+        Columns of which the sets are to be free.
+
+    Returns
+    -------
+    sets : list of ndarray, shape (n, j)
+    log_prior : ndarray, shape (sets,)
+        Each set is one of all that there are of so many samples.
+    """
+    within = np.flatnonzero(~block.first)
+    many = min(MOST_JUMPS, within.size)
+    at = within[np.argsort(-np.abs(innovations[within]), kind="stable")[:many]]
+    after = (np.arange(innovations.size)[:, None] >= at).astype(float)
+    counts = np.arange(1, many + 1)
+    ln_sets = gammaln(within.size + 1) - gammaln(counts + 1) - gammaln(within.size - counts + 1)
+    return [_free_of(known, [after[:, :count]]) for count in counts], -ln_sets - np.log(max(many, 1))
+
+
 def _unit(x: Floats) -> Floats:
     """A series less its mean, of unit spread."""
     return np.asarray((x - x.mean()) / max(float(np.std(x)), 1e-300))
@@ -484,6 +559,7 @@ def block_noise(
     changed: Callable[[], Floats] | None = None,
     changes: Callable[[], Sequence[Floats]] | None = None,
     cut_off: NDArray[np.bool_] | None = None,
+    of_cycles: Callable[[Floats], Sequence[Floats]] | None = None,
 ) -> BlockNoise:
     """Standard deviation and memory of greatest restricted likelihood.
 
@@ -513,9 +589,14 @@ def block_noise(
         leave it a much shorter memory.
     cut_off : ndarray of bool, shape (n,), optional
         Readings at the end of a range (see `_cut_off`). They have no noise, and no say in how large it is elsewhere.
+    of_cycles : callable, optional
+        Makes sets of columns of what one cycle alone misses (see `cycle_columns`). They are taken out where noise that
+        remembers is left after all others, as those of `changes` are, and then jumps (see `jump_columns`); without it
+        neither is.
     """
     noisy = slice(None) if cut_off is None else ~cut_off
     likeliest = partial(_likeliest, residual, block, noisy=noisy)
+    with_random = partial(_shorter_with_random, residual, block, noisy)
     noise, innovations = likeliest(smooth)
     misfit, more = smooth, smooth[:, :0]
     if recorded is not None and recorded.shape[1]:
@@ -524,26 +605,32 @@ def block_noise(
         beside = likeliest(both)
         if _by_chance(residual, beside[0], misfit, both) < COVARIATE_P:
             smooth, (noise, innovations) = both, beside
-    remembers = np.median(noise.memory) >= LONG_CORRELATION
-    columns = changed() if changed is not None and remembers else smooth[:, :0]
+    long = np.median(noise.memory) >= LONG_CORRELATION
+    columns = changed() if changed is not None and long else smooth[:, :0]
     random: Floats | None = None
     if columns.shape[1]:
         both = np.concatenate([misfit, more, columns], axis=1)
         beside = likeliest(both)
         # the memory beside so many columns is hardly known: whatever it may be, they must describe more than noise does
-        if _is_shorter(beside[0], noise) and all(
+        if is_shorter(beside[0], noise) and all(
             p * _by_chance(residual, o, misfit, both) < CURVE_CHANGE_P for p, o in beside[0].others
         ):
             smooth, (noise, innovations) = both, beside
-    elif changes is not None and remembers:
+    elif changes is not None and long:
         own, *sets = changes()
         smooth = np.concatenate([smooth, own], axis=1)
         noise, innovations = likeliest(smooth)
-        found = _changes_beyond_noise(residual, block, smooth, sets) if sets else None
-        if found is not None:
-            beside = likeliest(smooth, random=found)
-            if _is_shorter(beside[0], noise):
-                random, (noise, innovations) = found, beside
+        if (shorter := with_random(noise, smooth, sets)) is not None:
+            random, noise, innovations = shorter
+    if of_cycles is not None and remembers(noise):
+        own, *sets = of_cycles(smooth)
+        wider = np.concatenate([smooth, own], axis=1)
+        if (shorter := with_random(noise, wider, sets, random)) is not None:
+            smooth, (random, noise, innovations) = wider, shorter
+    if of_cycles is not None and remembers(noise):
+        sets, log_prior = jump_columns(innovations, block, smooth)
+        if (shorter := with_random(noise, smooth, sets, random, log_prior)) is not None:
+            random, noise, innovations = shorter
     width: Floats | float = 1.0
     if response is not None:
         grown = growth(innovations[noisy], response[noisy])
@@ -609,7 +696,11 @@ def _without_excess(
 
 
 def _changes_beyond_noise(
-    residual: Floats, block: ChannelBlock, smooth: Floats, sets: Sequence[Floats]
+    residual: Floats,
+    block: ChannelBlock,
+    smooth: Floats,
+    sets: Sequence[Floats],
+    log_prior: Floats | None = None,
 ) -> Floats | None:
     """The likeliest of some sets of columns at its likeliest size, if they describe more than noise does beyond doubt.
 
@@ -624,21 +715,49 @@ def _changes_beyond_noise(
     block : ChannelBlock
     smooth : ndarray, shape (n, k)
     sets : sequence of ndarray, shape (n, j)
+    log_prior : ndarray, shape (sets,), optional
+        Logarithms of their probabilities a priori; all the same by default.
 
     Returns
     -------
     ndarray, shape (n, j), or None
         For coefficients of the size of the noise.
     """
+    if not sets:
+        return None
     memories, _ = _memories(block)
     log_scale = np.array([memory_log_scale(m).sum() for m in memories])
     alone = _restricted(_products(np.column_stack([smooth, residual]), block), log_scale, residual.size)[0]
     found = np.stack([_with_random(residual, block, smooth, columns, log_scale) for columns in sets])
-    average = logsumexp(found) - np.log(found.size)
+    prior = np.full(len(sets), -np.log(len(sets))) if log_prior is None else log_prior
+    found = found + prior[:, None, None]
+    average = logsumexp(found) - np.log(found[0].size)
     if average < alone.max() - math.log(CURVE_CHANGE_P):
         return None
     which, size = divmod(int(np.argmax(logsumexp(found, axis=2))), CHANGE_SD_GRID.size)
     return np.asarray(sets[which] * CHANGE_SD_GRID[size])
+
+
+def _shorter_with_random(
+    residual: Floats,
+    block: ChannelBlock,
+    noisy: NDArray[np.bool_] | slice,
+    noise: BlockNoise,
+    smooth: Floats,
+    sets: Sequence[Floats],
+    random: Floats | None = None,
+    log_prior: Floats | None = None,
+) -> tuple[Floats, BlockNoise, Floats] | None:
+    """Random columns with those of `_changes_beyond_noise`, and what `_likeliest` gives beside them.
+
+    None where there are no such columns, or where they leave a memory that is not much shorter than that of `noise`.
+    """
+    found = _changes_beyond_noise(residual, block, smooth, sets, log_prior)
+    if found is None:
+        return None
+    columns = found if random is None else np.concatenate([random, found], axis=1)
+    beside, innovations = _likeliest(residual, block, smooth, 1.0, columns, noisy)
+    return (columns, beside, innovations) if is_shorter(beside, noise) else None
 
 
 def _with_random(
@@ -860,7 +979,12 @@ def growth(innovations: Floats, response: Floats) -> Growth:
     return Growth(slope, math.pi / math.sqrt(8.0) * math.sqrt(inverse[1, 1]), hump)
 
 
-def _is_shorter(beside: BlockNoise, noise: BlockNoise) -> bool:
+def remembers(noise: BlockNoise) -> bool:
+    """Whether one cycle unlike the others, or a jump, may be what made noise remember."""
+    return bool(np.median(noise.memory) >= LEAST_CORRELATION)
+
+
+def is_shorter(beside: BlockNoise, noise: BlockNoise) -> bool:
     """Whether noise remembers for at most `MAX_MEMORY_RATIO` of what it did before columns were taken out."""
     of_beside, of_noise = (float(np.median(_samples_as_one(n.memory))) for n in (beside, noise))
     return of_beside <= MAX_MEMORY_RATIO * of_noise

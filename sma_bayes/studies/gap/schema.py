@@ -459,6 +459,10 @@ class GapOfModel(DocumentPart):
     p_value_extrapolated: bool = Field(
         description="whether it lies beyond all shuffles, so that only its order of magnitude counts"
     )
+    steady_noise: bool = Field(
+        description="whether a disagreement was seen only once the memory of the noise was freed of what one cycle "
+        "unlike the others, or jumps, had made of it"
+    )
     converged: bool = Field(
         description="whether the sampling of the final model reached the target, that of the heat balance included"
     )

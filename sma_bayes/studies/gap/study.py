@@ -47,6 +47,7 @@ from sma_bayes.studies.gap.name import (
     share_of,
     signature_at_mode,
 )
+from sma_bayes.studies.gap.noise import is_shorter, remembers
 from sma_bayes.studies.gap.one_stage import OneStageShapes
 from sma_bayes.studies.gap.scatter import (
     LEAST_SHARE_OF_LAW,
@@ -266,6 +267,12 @@ def study_from(
         apart = least_by_channel(current, steps)
         full = len(current.hypothesis.effects) == MAX_EFFECTS
         found = [one_round(current, effects, rng, last=full, least=least, apart=apart)]
+        steady = in_steady_noise(first) if not steps and found[0].look.p_value > SIGNIFICANT_P else None
+        if steady is not None:
+            seen = one_round(steady, effects, rng, least=least, apart=apart)
+            if seen.look.p_value <= SIGNIFICANT_P:
+                first = current = bare = steady
+                found = [seen]
         one = found[0].chosen
         alone = one is not None and not members_of(one.effect)
         missing = not alone and len(current.hypothesis.effects) <= MAX_EFFECTS - 2
@@ -306,6 +313,24 @@ def study_from(
     return GapStudy(
         verdict, first, current, tuple(steps), tuple(where), explained, carried, followed, jumped, left
     )
+
+
+def in_steady_noise(fitted: FittedHypothesis) -> FittedHypothesis | None:
+    """A model with noise whose memory neither one cycle unlike the others nor jumps have made.
+
+    It is asked for where nothing is seen beside noise as it was estimated. It would be no better in general: what a
+    curve of another shape leaves at a few steep places is as well described by jumps.
+
+    Returns
+    -------
+    FittedHypothesis or None
+        None where that noise is not another.
+    """
+    if not any(remembers(n) for n in fitted.noise):
+        return None
+    found = fit_with_noise(replace(fitted.hypothesis, steady_noise=True), fitted.z)
+    shorter = any(is_shorter(new, old) for new, old in zip(found.noise, fitted.noise, strict=True))
+    return found if shorter else None
 
 
 def _jumps_instead_of(current: FittedHypothesis) -> dict[str, tuple[Jump, ...]]:

@@ -54,6 +54,8 @@ class Rig:
         Amplitude over its span of a sine of 0.37 Hz in each channel.
     drift : float
         Rise of each channel a cycle, over its span.
+    bump : float
+        By which each channel is off in the third cycle alone, at most, over its span.
     shape : callable, optional
         Share transformed, of the rate times the kelvins above the midpoint and of whether it heats; logistic if not
         given.
@@ -74,6 +76,7 @@ class Rig:
     step: float = 0.0
     hum: float = 0.0
     drift: float = 0.0
+    bump: float = 0.0
     shape: Callable[[Floats, NDArray[np.bool_]], Floats] | None = None
     seed: int = 0
 
@@ -127,6 +130,7 @@ class Rig:
         fresh[1:] *= np.sqrt(1.0 - self.memory**2)
         noise = self.sd * lfilter([1.0], [1.0, -self.memory], fresh)
         wrong = self.step * (np.arange(metal.size) >= metal.size // 2) + self.drift * (sweep // 2)
+        wrong = wrong + self.bump * (sweep // 2 == 2) * share * (1.0 - share) * 4.0
         return np.asarray(low + span * (share + noise + wrong))
 
 

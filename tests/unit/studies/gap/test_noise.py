@@ -7,6 +7,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 from scipy.optimize import minimize_scalar
+from scipy.signal import lfilter
 from scipy.special import logsumexp
 
 from sma_bayes.arrays import Floats
@@ -25,6 +26,7 @@ from sma_bayes.studies.gap.noise import (
     blocks_of,
     curve_changes,
     curve_columns,
+    cycle_columns,
     growth,
     heavy_tails,
     recorded_columns,
@@ -395,6 +397,67 @@ def test_what_a_record_has_of_its_own_does_not_pass_for_memory() -> None:
     alone = [block_noise(x, block, smooth) for x in series]
     assert np.mean([np.median(n.memory) for n in alone]) > 0.9
     assert np.mean([np.median(n.memory) for n in beside]) == pytest.approx(0.6, abs=0.15)
+
+
+@pytest.mark.parametrize("phi", [0.0, 0.8])
+def test_what_one_cycle_alone_has_does_not_pass_for_memory(phi: float) -> None:
+    """A bump in the third of five cycles: of ten series the memory is that of the noise, within the grid and chance.
+
+    Chance is 0.03 a series (one standard deviation, 1,000 samples).
+    """
+    history, curve, slope = cycled(5, 100)
+    smooth = smooth_columns(history, history.inputs["temperature"])
+    block = without_a_break(history)
+    bump = (history.inputs["cycle"] == 3.0) * np.abs(slope) / np.abs(slope).max()
+    own = curve_changes(history.inputs, curve, slope)[0]
+
+    def of_cycles(known: Floats) -> list[Floats]:
+        courses, free_of = (np.concatenate([x, own], axis=1) for x in (smooth, known))
+        return [own, *cycle_columns(history.inputs, courses, free_of)]
+
+    for series in 20.0 * bump + remembering(phi, history.n, 10, np.random.default_rng(21)):
+        found = block_noise(series, block, smooth, of_cycles=of_cycles)
+        assert np.median(found.memory) == pytest.approx(phi, abs=0.12)
+        assert found.sd == pytest.approx(1.0, abs=0.25)
+        assert np.median(block_noise(series, block, smooth).memory) > max(phi + 0.05, 0.5)
+
+
+def test_jumps_do_not_pass_for_memory() -> None:
+    """Three slips of six standard deviations within cycles, in noise with a memory of 0.8; ten series."""
+    history, _, _ = cycled(5, 100)
+    smooth = smooth_columns(history, history.inputs["temperature"])
+    block = without_a_break(history)
+    order = np.arange(history.n)
+    slipped = 6.0 * ((order > 230) + 0.0 + (order > 480)) - 9.0 * (order > 770)
+    for series in slipped + remembering(0.8, history.n, 10, np.random.default_rng(22)):
+        found = block_noise(series, block, smooth, of_cycles=lambda known: [known[:, :0]])
+        assert np.median(found.memory) == pytest.approx(0.8, abs=0.09)
+        assert found.sd == pytest.approx(1.0, abs=0.3)
+        assert np.median(block_noise(series, block, smooth).memory) > 0.95
+
+
+@pytest.mark.parametrize("phi", [0.5, 0.8, 0.95, 0.98])
+@pytest.mark.parametrize("tails", [False, True], ids=["normal", "heavy tails"])
+def test_noise_that_remembers_is_not_taken_for_jumps_or_bad_cycles(phi: float, tails: bool) -> None:
+    """Forty series each. Heavy tails have great innovations, which fade where jumps stay."""
+    history, _, _ = cycled(5, 100)
+    smooth = smooth_columns(history, history.inputs["temperature"])
+    block = without_a_break(history)
+    rng = np.random.default_rng([23, round(100 * phi), tails])
+
+    def of_cycles(known: Floats) -> list[Floats]:
+        return [known[:, :0], *cycle_columns(history.inputs, smooth, known)]
+
+    shorter = 0
+    for normal in remembering(phi, history.n, 40, rng):
+        series = normal
+        if tails:
+            e = rng.standard_t(3.0, history.n) / np.sqrt(3.0)
+            series = lfilter([np.sqrt(1.0 - phi**2)], [1.0, -phi], e)
+        plain, _ = module._likeliest(series, block, smooth)
+        found = block_noise(series, block, smooth, of_cycles=of_cycles)
+        shorter += bool(np.median(found.memory) < np.median(plain.memory) - 0.1 * (1.0 - phi) - 0.06)
+    assert shorter == 0
 
 
 @pytest.mark.parametrize(

@@ -172,7 +172,8 @@ NOISE: dict[str, Any] = {
     "growth_sd": 0.1,
 }
 NOTHING: dict[str, Any] = {
-    "verdict": "named", "p_value": 1e-9, "p_value_extrapolated": False, "converged": True, "disagreement": [],
+    "verdict": "named", "p_value": 1e-9, "p_value_extrapolated": False, "steady_noise": False, "converged": True,
+    "disagreement": [],
     "within_chance": [], "periodic": [], "effects": [EFFECT], "partial": [], "candidates": [], "rounds": [],
     "remaining": {
         "p_value": 0.5, "channel": "force", "covariate": "time", "ln_bayes_factor": 0.0, "share": 0.0,
@@ -247,6 +248,10 @@ def loaded(effect: str, *loads: float) -> dict[str, Any]:
         (
             {"noise": [{**NOISE, "channel": "displacement", "lag1": 0.97, "spectrum": None}]},
             ["What passes for noise of c strain hardly changes from sample to sample (correlation 0.97"],
+        ),
+        (
+            {"steady_noise": True},
+            ["At first nothing was seen: one cycle unlike the others, or jumps, had passed"],
         ),
         ({"noise": [noisy(2e-3)]}, []),
         (

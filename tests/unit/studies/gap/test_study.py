@@ -37,6 +37,7 @@ from sma_bayes.studies.gap.study import (
     baseline_start,
     beside_the_others,
     heat_balance,
+    in_steady_noise,
     is_worthy,
     least_by_channel,
     study_campaign,
@@ -229,6 +230,18 @@ def test_a_step_in_the_middle_has_no_name_since_a_smooth_function_does_as_well(s
 def test_a_large_step_passes_neither_for_noise_nor_for_an_effect(step: float, seed: int, study) -> None:
     """Steps of 5 to 25 standard deviations of the noise, which look like a long memory."""
     assert study(step=step, cycles=5, seed=seed).verdict == "unnamed"
+
+
+def test_a_cycle_unlike_the_others_does_not_pass_for_noise_that_remembers(study) -> None:
+    """It is 175 standard deviations of the noise off in the middle of the transformation, and seems to be memory."""
+    one = {"periods": (60.0,), "loads": (1.0,), "peaks": (95.0,)}
+    found = study(bump=0.7, memory=0.8, cycles=5, **one, seed=2, effects={})
+    assert found.verdict == "unnamed"
+    assert found.baseline.hypothesis.steady_noise
+    plain = fit_with_noise(replace(found.baseline.hypothesis, steady_noise=False), found.baseline.z)
+    assert np.median(plain.noise[0].memory) > 0.9
+    assert np.median(found.baseline.noise[0].memory) == pytest.approx(0.8, abs=0.1)
+    assert in_steady_noise(found.baseline) is None
 
 
 def test_effects_that_act_alike_are_one_class(study) -> None:
