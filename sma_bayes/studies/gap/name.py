@@ -259,9 +259,9 @@ class Candidate:
     one_stage : float
         Log Bayes factor of the best shape that a curve of one stage can have, for an effect that hangs on it; -inf for
         others.
-    over_shape : float
-        Log Bayes factor over that shape by the noise that is left beside the effect; infinite where that is not
-        smaller, or it fails by something else.
+    behind_shape : float
+        By how much more such a shape explains by the noise that is left beside the effect, as a share of what the
+        effect does; -inf where that noise is not smaller, or it fails by something else.
     over_jumps : float
         Log Bayes factor of the effect, with the best flexible term on top of it, over a few jumps, where the curve is
         free to have any shape; infinite where these explain less than `LEAST_SHARE_OF_JUMPS` of what it does, or it
@@ -279,7 +279,7 @@ class Candidate:
     beyond_form: float = 0.0
     untestable: str = ""
     one_stage: float = -np.inf
-    over_shape: float = np.inf
+    behind_shape: float = -np.inf
     over_jumps: float = np.inf
     in_own_noise: Candidate | None = None
 
@@ -375,11 +375,14 @@ class Candidate:
     def beats_shape(self) -> bool:
         """Whether it is worth more than the shapes of one stage, or explains what lies beyond any shape.
 
-        More by the noise that is left beside it, too: what both leave out passes for noise without them, in which the
-        better of two shapes may be worth less. An effect that claims a stage of its own has to be worth more than those
-        of one.
+        By the noise that is left beside it, too, but for `MOST_SHARE_OF_FORM`: what both leave out passes for noise
+        without them, in which the better of two shapes may be worth less. An effect that claims a stage of its own has
+        to be worth more than those of one.
         """
-        more = min(self.ln_bayes_factor - self.one_stage, self.over_shape) >= LEAST_LN_BAYES_FACTOR
+        more = (
+            self.ln_bayes_factor >= self.one_stage + LEAST_LN_BAYES_FACTOR
+            and self.behind_shape <= MOST_SHARE_OF_FORM
+        )
         return more or (self.beyond_shape and not claims_a_stage(self.effect))
 
     @property
@@ -577,7 +580,7 @@ def judged(
     if claims_a_stage(screened.effect) or not found.beyond_shape:
         found = replace(found, one_stage=rivals.shapes.worth(gained - LEAST_LN_BAYES_FACTOR))
         if found.beats_shape and np.isfinite(found.one_stage):
-            found = replace(found, over_shape=_over_shape(fitted, extended))
+            found = replace(found, behind_shape=_behind_shape(fitted, extended))
     if not found.beats_shape:
         return found
     jumps = rivals.jumps_within_cycles if members_of(screened.effect) else rivals.jumps
@@ -587,14 +590,15 @@ def judged(
     return replace(found, over_jumps=jumps.evidence_over(extended, explained))
 
 
-def _over_shape(fitted: FittedHypothesis, extended: FittedHypothesis) -> float:
-    """Log Bayes factor of an effect over the shapes of one stage by the noise beside it; see `Candidate.over_shape`."""
+def _behind_shape(fitted: FittedHypothesis, extended: FittedHypothesis) -> float:
+    """How far an effect is behind the shapes of one stage by the noise beside it; see `Candidate.behind_shape`."""
     both = _in_noise_beside(fitted, extended)
     if both is None:
-        return np.inf
+        return -np.inf
     bare, found = both
     gained = found.ln_evidence - bare.ln_evidence
-    return gained - OneStageShapes(bare).worth(gained - LEAST_LN_BAYES_FACTOR)
+    shape = OneStageShapes(bare).worth((1.0 + MOST_SHARE_OF_FORM) * gained)
+    return (shape - gained) / max(gained, LEAST_LN_BAYES_FACTOR)
 
 
 def screen(fitted: FittedHypothesis, effect: Effect) -> Screened:

@@ -289,11 +289,11 @@ def judgement(study: GapStudy, candidate: Candidate) -> tuple[Status, str]:
             f"{_beside_text(study, candidate)}"
         )
     if not candidate.beats_shape:
-        if np.isfinite(candidate.over_shape):
+        if np.isfinite(candidate.behind_shape):
             return "rejected", (
                 "by the noise that is left beside it, which that of the model without it exceeds, one stage of another "
-                f"shape explains as much (ln Bayes factor of the effect over it {candidate.over_shape:.1f})"
-                f"{_beyond_text(candidate)}; --model offers richer ones"
+                f"shape explains {100.0 * candidate.behind_shape:.1f} % more than it does{_beyond_text(candidate)}; "
+                "--model offers richer ones"
             )
         return "rejected", (
             f"one stage of another shape explains as much (ln Bayes factor {candidate.one_stage:.1f} against "

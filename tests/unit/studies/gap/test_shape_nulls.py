@@ -9,7 +9,9 @@ import numpy as np
 import pytest
 
 from sma_bayes.parameters.priors_file import read_priors
-from sma_bayes.studies.gap.study import MISFIT_LN_BAYES_FACTOR, study_campaign
+from sma_bayes.studies.gap.name import LEAST_LN_BAYES_FACTOR, MISFIT_LN_BAYES_FACTOR, MOST_SHARE_OF_FORM
+from sma_bayes.studies.gap.outcome import judgement
+from sma_bayes.studies.gap.study import study_campaign
 
 
 def logistic(x):
@@ -55,6 +57,20 @@ def test_a_curve_of_another_shape_gets_no_name(shape, seed, rig) -> None:
     assert terms is not None
     assert terms.shape > MISFIT_LN_BAYES_FACTOR
     assert terms.shape > 10.0 * max(0.0, terms.beyond.ln_bayes_factor if terms.beyond else 0.0)
+
+
+def test_the_shape_itself_explains_more_by_the_noise_beside_a_law_that_comes_near_it(rig) -> None:
+    """By the noise of the model without either the law is worth more than the shape that was simulated."""
+    found = study_campaign(
+        rig(shape=skewed_each_way, sd=0.005, seed=3).campaign(), read_priors("modified_sigmoid"), pooled=True
+    )
+    (near,) = [c for c in found.steps[0].candidates if c.effect.id == "asymmetric_kinetics"]
+    assert near.ln_bayes_factor > near.one_stage + LEAST_LN_BAYES_FACTOR
+    assert near.behind_shape > MOST_SHARE_OF_FORM
+    assert not near.beats_shape
+    status, why = judgement(found, near)
+    assert status == "rejected"
+    assert f"one stage of another shape explains {100.0 * near.behind_shape:.1f} % more than it does" in why
 
 
 def test_what_differs_between_conditions_is_named_beside_such_a_curve(rig) -> None:
