@@ -33,6 +33,7 @@ _UNITS = {
     "°F": "degF",
     "pct": "percent",
     "%": "percent",
+    "-": "1",
 }
 _BARE = ("cycle", "branch", "drive")
 
@@ -86,11 +87,25 @@ def described(found: Sequence[tuple[str, str, str]], unused: Sequence[str]) -> s
     "known by their names: 'force_N' as force [N]; not used: 'time_X' ('X' is no unit of time)"
     """
     text = "known by their names: " + ", ".join(f"{h!r} as {q} [{u}]" for h, q, u in found)
-    return text + ("; not used: " + ", ".join(map(_unused, unused)) if unused else "")
+    return text + ("; not used: " + ", ".join(map(not_recognised, unused)) if unused else "")
 
 
-def _unused(header: str) -> str:
-    """Header that was not understood; where it begins as a quantity does, with what is wrong about the rest."""
+def lacks_unit(header: str) -> bool:
+    """Whether a column has the name of a quantity, and no unit behind it."""
+    match = _HEADER.fullmatch(header.strip())
+    return (
+        match is not None and match.group(1).lower() not in _BARE and not (match.group(2) or match.group(3))
+    )
+
+
+def not_recognised(header: str) -> str:
+    """Header that was not understood; where it begins as a quantity does, with what is wrong about the rest.
+
+    Examples
+    --------
+    >>> not_recognised("strain"), not_recognised("force_degC"), not_recognised("note")
+    ("'strain' (which unit?)", "'force_degC' ('degC' is no unit of force)", "'note'")
+    """
     match = _HEADER.fullmatch(header.strip())
     if match is None or match.group(1).lower() in _BARE:
         return repr(header)

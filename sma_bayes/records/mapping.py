@@ -27,7 +27,7 @@ from sma_bayes.records.declaration import (
     DeclaredCondition,
     require_channels,
 )
-from sma_bayes.records.default_names import EXAMPLES, described, recognised
+from sma_bayes.records.default_names import EXAMPLES, described, lacks_unit, not_recognised, recognised
 from sma_bayes.records.formats import RawTable, read_table
 from sma_bayes.records.formats.numbers import numbers
 from sma_bayes.records.formats.table import Cells, rows_finding
@@ -290,9 +290,12 @@ def _require_named(
     try:
         require_channels(columns, file=declared.path, where="header")
     except CampaignError as error:
-        there = ", ".join(map(repr, table.headers))
+        there = ", ".join(repr(h) if recognised(h) else not_recognised(h) for h in table.headers)
         what = f"has {there}" if there else _headless(table)
         remedy = "rename the columns, or let `sma-bayes init` write a campaign.toml with [columns]"
+        if bare := [h for h in table.headers if lacks_unit(h)]:
+            named = ", ".join(map(repr, bare))
+            remedy = f"write the unit behind the name, as in force_N or strain_percent ({named}); or {remedy}"
         if "temperature" not in columns:
             remedy += "; data without a temperature can't be used: the curves are functions of temperature"
         raise CampaignError(

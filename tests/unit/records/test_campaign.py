@@ -670,6 +670,15 @@ class TestMistakes:
         error = refused(CampaignError, path)
         assert error.found == "the temperature is not among the columns"
         assert "the file has 'T', 'F'" in str(error.expected)
+        path.write_text("temperature_C,strain,force_mm\n1,2,3\n4,5,6\n")
+        error = refused(CampaignError, path)
+        assert error.found == "a channel is not among the columns"
+        assert "'temperature_C', 'strain' (which unit?), 'force_mm' ('mm' is no unit of force)" in str(
+            error.expected
+        )
+        assert "write the unit behind the name, as in force_N or strain_percent ('strain')" in str(
+            error.remedy
+        )
         path.write_text("temperature_C,temperature_K,force_N\n1,2,3\n4,5,6\n")
         error = refused(CampaignError, path)
         assert error.found == "the columns 'temperature_C' and 'temperature_K' are both a temperature"

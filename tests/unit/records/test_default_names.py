@@ -34,6 +34,7 @@ def test_the_documented_names_are_understood() -> None:
         ("current mA", ("current", "mA")),
         ("strain_pct", ("strain", "percent")),
         ("strain [%]", ("strain", "percent")),
+        ("strain [-]", ("strain", "1")),
         ("stress_MPa", ("stress", "MPa")),
         ("drive", ("drive", "1")),
     ],
