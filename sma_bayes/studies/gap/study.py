@@ -511,10 +511,14 @@ def _is_enough(
 
 
 def _is_surely_another(candidate: Candidate) -> bool:
-    """Whether a law surely explains something else than what the form of the effects before it may leave."""
+    """Whether a law surely explains something else than what the form of the effects before it may leave.
+
+    What little it only bends, the same in every sweep and condition, is such a form.
+    """
     law = not members_of(candidate.effect)
     return (
         law
+        and candidate.beyond_shape
         and candidate.ln_bayes_factor >= MISFIT_LN_BAYES_FACTOR
         and candidate.beyond_form >= ENOUGH_SHARE_BESIDE_FORMS
     )
