@@ -37,6 +37,7 @@ from sma_bayes.studies.gap.name import (
     LEAST_SHARE_OF_JUMPS,
     MAX_REFITS,
     MISFIT_LN_BAYES_FACTOR,
+    MOST_SHARE_OF_FORM,
     Candidate,
     Rivals,
     candidates,
@@ -266,10 +267,10 @@ def study_from(
         least = max(LEAST_LN_BAYES_FACTOR, LEAST_FURTHER_SHARE * explained)
         apart = least_by_channel(current, steps)
         full = len(current.hypothesis.effects) == MAX_EFFECTS
-        found = [one_round(current, effects, rng, last=full, least=least, apart=apart)]
+        found = [one_round(current, effects, rng, last=full, explained=explained, apart=apart)]
         steady = in_steady_noise(first) if not steps and found[0].look.p_value > SIGNIFICANT_P else None
         if steady is not None:
-            seen = one_round(steady, effects, rng, least=least, apart=apart)
+            seen = one_round(steady, effects, rng, apart=apart)
             if seen.look.p_value <= SIGNIFICANT_P:
                 first = current = bare = steady
                 found = [seen]
@@ -371,7 +372,7 @@ def one_round(
     rng: np.random.Generator,
     *,
     last: bool = False,
-    least: float = LEAST_LN_BAYES_FACTOR,
+    explained: float = 0.0,
     apart: Mapping[str, float] = MappingProxyType({}),
     refitted: int = MAX_REFITS,
     steps: bool = True,
@@ -386,9 +387,8 @@ def one_round(
     rng : numpy.random.Generator
     last : bool
         Whether to look only.
-    least : float
-        Log Bayes factor that an effect has to bring; `LEAST_FURTHER_SHARE_OF_LAST` of it where it leaves nothing to
-        explain.
+    explained : float
+        Log Bayes factor of the effects that the model has.
     apart : mapping of str to float
         What is enough in one channel by itself; see `least_by_channel`.
     refitted : int
@@ -405,11 +405,7 @@ def one_round(
     tried = candidates(current, screened, seen.gains, rivals, most=refitted, steps=steps)
     terms = None if rivals is None else rivals.terms
     fitted = [c for c in tried if c.fitted is not None]
-    enough = [
-        c
-        for c in fitted
-        if _is_enough(c, current, LEAST_FURTHER_SHARE_OF_LAST * least if _ends_it(c) else least, apart)
-    ]
+    enough = [c for c in fitted if _is_enough(c, current, explained, apart)]
     passed = [c for c in enough if is_worthy(c)]
     worthy = _laws_first([c for c in passed if c.worthy_outright] or passed)
     if not worthy:
@@ -501,24 +497,27 @@ def _is_apart(candidate: Candidate, current: FittedHypothesis, least: Mapping[st
 
 
 def _is_enough(
-    candidate: Candidate, current: FittedHypothesis, least: float, apart: Mapping[str, float]
+    candidate: Candidate, current: FittedHypothesis, explained: float, apart: Mapping[str, float]
 ) -> bool:
-    """Whether an effect explains so much, or something so different, that it is not the form of those before."""
+    """Whether an effect explains so much, or something so different, that it is not the form of those before.
+
+    What it only bends, the same in every sweep and condition, may be such a form up to `MOST_SHARE_OF_FORM`.
+    """
+    least = max(LEAST_LN_BAYES_FACTOR, LEAST_FURTHER_SHARE * explained)
+    if _ends_it(candidate):
+        least *= LEAST_FURTHER_SHARE_OF_LAST
     if candidate.ln_bayes_factor >= least or _is_apart(candidate, current, apart):
         return candidate.beyond_form >= LEAST_SHARE_BESIDE_FORMS
     carries = candidate.beside is not None and candidate.beside.carried >= LEAST_SHARE_CARRIED
-    return carries and _is_surely_another(candidate)
+    bends = not candidate.beyond_shape and candidate.ln_bayes_factor < MOST_SHARE_OF_FORM * explained
+    return carries and not bends and _is_surely_another(candidate)
 
 
 def _is_surely_another(candidate: Candidate) -> bool:
-    """Whether a law surely explains something else than what the form of the effects before it may leave.
-
-    What little it only bends, the same in every sweep and condition, is such a form.
-    """
+    """Whether a law surely explains something else than what the form of the effects before it may leave."""
     law = not members_of(candidate.effect)
     return (
         law
-        and candidate.beyond_shape
         and candidate.ln_bayes_factor >= MISFIT_LN_BAYES_FACTOR
         and candidate.beyond_form >= ENOUGH_SHARE_BESIDE_FORMS
     )
