@@ -58,11 +58,10 @@ def recognised(header: str) -> tuple[str, str] | None:
     >>> recognised("cycle"), recognised("temperature_derivative"), recognised("force_degC")
     (('cycle', '1'), None, None)
     """
-    match = _HEADER.fullmatch(header.strip())
-    if match is None:
+    parts = _parts(header)
+    if parts is None:
         return None
-    quantity = match.group(1).lower().replace(" ", "_")
-    written = match.group(2) or match.group(3)
+    quantity, written = parts
     if quantity in _BARE or written is None:
         return (quantity, "1") if quantity in _BARE and written is None else None
     unit = _UNITS.get(written.strip(), written.strip().replace("_per_", "/"))
@@ -92,10 +91,8 @@ def described(found: Sequence[tuple[str, str, str]], unused: Sequence[str]) -> s
 
 def lacks_unit(header: str) -> bool:
     """Whether a column has the name of a quantity, and no unit behind it."""
-    match = _HEADER.fullmatch(header.strip())
-    return (
-        match is not None and match.group(1).lower() not in _BARE and not (match.group(2) or match.group(3))
-    )
+    parts = _parts(header)
+    return parts is not None and parts[0] not in _BARE and parts[1] is None
 
 
 def not_recognised(header: str) -> str:
@@ -106,9 +103,17 @@ def not_recognised(header: str) -> str:
     >>> not_recognised("strain"), not_recognised("force_degC"), not_recognised("note")
     ("'strain' (which unit?)", "'force_degC' ('degC' is no unit of force)", "'note'")
     """
-    match = _HEADER.fullmatch(header.strip())
-    if match is None or match.group(1).lower() in _BARE:
+    parts = _parts(header)
+    if parts is None or parts[0] in _BARE:
         return repr(header)
-    written = match.group(2) or match.group(3)
-    wrong = f"{written!r} is no unit of {match.group(1).lower()}" if written else "which unit?"
+    quantity, written = parts
+    wrong = f"{written!r} is no unit of {quantity}" if written else "which unit?"
     return f"{header!r} ({wrong})"
+
+
+def _parts(header: str) -> tuple[str, str | None] | None:
+    """Quantity, and what is written behind it if anything is; None where a column begins with no quantity."""
+    match = _HEADER.fullmatch(header.strip())
+    if match is None:
+        return None
+    return match.group(1).lower().replace(" ", "_"), match.group(2) or match.group(3)

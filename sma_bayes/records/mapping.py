@@ -290,10 +290,12 @@ def _require_named(
     try:
         require_channels(columns, file=declared.path, where="header")
     except CampaignError as error:
-        there = ", ".join(repr(h) if recognised(h) else not_recognised(h) for h in table.headers)
+        taken = {c.name for c in columns.values()}
+        headers = list(zip(table.headers, table.names or (), strict=True))
+        there = ", ".join(repr(h) if name in taken else not_recognised(h) for h, name in headers)
         what = f"has {there}" if there else _headless(table)
         remedy = "rename the columns, or let `sma-bayes init` write a campaign.toml with [columns]"
-        if bare := [h for h in table.headers if lacks_unit(h)]:
+        if bare := [h for h, name in headers if name not in taken and lacks_unit(h)]:
             named = ", ".join(map(repr, bare))
             remedy = f"write the unit behind the name, as in force_N or strain_percent ({named}); or {remedy}"
         if "temperature" not in columns:

@@ -7,9 +7,9 @@ by restricted likelihood, which counts the freedom that they use up; and smooth 
 was recorded as well, where these describe more than noise does. Where noise that remembers is left, what changes the
 curve with something recorded is taken out, too, where it describes more than such noise does; of a short record the
 stroke, place and width of its own; and for a hypothesis of steady noise what one cycle alone has, and jumps, where
-these leave a much shorter memory.
-Noise without any misfit is then estimated without bias, and a misfit that repeats from cycle to cycle, or follows
-something recorded, does not pass for noise. All hypotheses of a round share the estimate.
+these leave a much shorter memory. Noise without any misfit is then estimated without bias, and a misfit that repeats
+from cycle to cycle, or follows something recorded, does not pass for noise. All hypotheses of a round share the
+estimate.
 """
 
 from __future__ import annotations

@@ -264,7 +264,7 @@ def study_from(
     exchanges = 0
     while True:
         tell(f"looking for disagreements, round {len(steps) + 1}")
-        least = max(LEAST_LN_BAYES_FACTOR, LEAST_FURTHER_SHARE * explained)
+        least = _least_after(explained)
         apart = least_by_channel(current, steps)
         full = len(current.hypothesis.effects) == MAX_EFFECTS
         found = [one_round(current, effects, rng, last=full, explained=explained, apart=apart)]
@@ -327,7 +327,8 @@ def in_steady_noise(fitted: FittedHypothesis) -> FittedHypothesis | None:
     FittedHypothesis or None
         None where that noise is not another.
     """
-    if not any(remembers(n) for n in fitted.noise):
+    mechanical = [n for b, n in zip(fitted.blocks, fitted.noise, strict=True) if b.channel != "temperature"]
+    if not any(map(remembers, mechanical)):
         return None
     found = fit_with_noise(replace(fitted.hypothesis, steady_noise=True), fitted.z)
     shorter = any(is_shorter(new, old) for new, old in zip(found.noise, fitted.noise, strict=True))
@@ -496,6 +497,11 @@ def _is_apart(candidate: Candidate, current: FittedHypothesis, least: Mapping[st
     return any(candidate.ln_bayes_factor * g >= max(least[c], needed) * whole > 0.0 for c, g in own.items())
 
 
+def _least_after(explained: float) -> float:
+    """Log Bayes factor that an effect has to bring after others that explain so much."""
+    return max(LEAST_LN_BAYES_FACTOR, LEAST_FURTHER_SHARE * explained)
+
+
 def _is_enough(
     candidate: Candidate, current: FittedHypothesis, explained: float, apart: Mapping[str, float]
 ) -> bool:
@@ -503,7 +509,7 @@ def _is_enough(
 
     What it only bends, the same in every sweep and condition, may be such a form up to `MOST_SHARE_OF_FORM`.
     """
-    least = max(LEAST_LN_BAYES_FACTOR, LEAST_FURTHER_SHARE * explained)
+    least = _least_after(explained)
     if _ends_it(candidate):
         least *= LEAST_FURTHER_SHARE_OF_LAST
     if candidate.ln_bayes_factor >= least or _is_apart(candidate, current, apart):

@@ -679,6 +679,10 @@ class TestMistakes:
         assert "write the unit behind the name, as in force_N or strain_percent ('strain')" in str(
             error.remedy
         )
+        path.write_text("time,temperature_C,note\n10:00:01,2,3\n10:00:02,5,6\n")
+        error = refused(CampaignError, path)
+        assert "the file has 'time', 'temperature_C', 'note'" in str(error.expected)
+        assert "write the unit" not in str(error.remedy)  # a clock has one
         path.write_text("temperature_C,temperature_K,force_N\n1,2,3\n4,5,6\n")
         error = refused(CampaignError, path)
         assert error.found == "the columns 'temperature_C' and 'temperature_K' are both a temperature"

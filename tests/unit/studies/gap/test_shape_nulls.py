@@ -5,6 +5,8 @@ At a false-alarm rate of 1 % a campaign one name in these would come by chance w
 
 from __future__ import annotations
 
+from functools import cache
+
 import numpy as np
 import pytest
 
@@ -35,6 +37,18 @@ def in_two_stages(x, rising):
     return 0.82 * logistic(x) + 0.18 * logistic(2.0 * (x - 3.5))
 
 
+@pytest.fixture(scope="module")
+def studied(rig):
+    """Study a curve of another shape in three conditions; each once."""
+
+    @cache
+    def study(shape, seed):
+        campaign = rig(shape=shape, sd=0.005, seed=seed).campaign()
+        return study_campaign(campaign, read_priors("modified_sigmoid"), pooled=True)
+
+    return study
+
+
 @pytest.mark.parametrize(
     ("shape", "seed"),
     [
@@ -47,10 +61,8 @@ def in_two_stages(x, rising):
         pytest.param(in_two_stages, 6, marks=pytest.mark.thorough),
     ],
 )
-def test_a_curve_of_another_shape_gets_no_name(shape, seed, rig) -> None:
-    found = study_campaign(
-        rig(shape=shape, sd=0.005, seed=seed).campaign(), read_priors("modified_sigmoid"), pooled=True
-    )
+def test_a_curve_of_another_shape_gets_no_name(shape, seed, studied) -> None:
+    found = studied(shape, seed)
     assert found.verdict == "unnamed"
     assert found.effects == ()
     terms = found.steps[-1].flexible
@@ -59,11 +71,9 @@ def test_a_curve_of_another_shape_gets_no_name(shape, seed, rig) -> None:
     assert terms.shape > 10.0 * max(0.0, terms.beyond.ln_bayes_factor if terms.beyond else 0.0)
 
 
-def test_the_shape_itself_explains_more_by_the_noise_beside_a_law_that_comes_near_it(rig) -> None:
+def test_the_shape_itself_explains_more_by_the_noise_beside_a_law_that_comes_near_it(studied) -> None:
     """By the noise of the model without either the law is worth more than the shape that was simulated."""
-    found = study_campaign(
-        rig(shape=skewed_each_way, sd=0.005, seed=3).campaign(), read_priors("modified_sigmoid"), pooled=True
-    )
+    found = studied(skewed_each_way, 3)
     (near,) = [c for c in found.steps[0].candidates if c.effect.id == "asymmetric_kinetics"]
     assert near.ln_bayes_factor > near.one_stage + LEAST_LN_BAYES_FACTOR
     assert near.behind_shape > MOST_SHARE_OF_FORM
