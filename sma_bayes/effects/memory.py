@@ -49,7 +49,7 @@ def lagged(source: Floats, steps: Floats) -> Floats:
     before = np.zeros(shape[:-1])
     for low, high in pairwise([*edges.tolist(), shape[-1]]):
         block = slice(low, high)
-        age = np.cumsum(steps[..., block], axis=-1) - steps[..., low, None]
+        age = np.cumsum(np.where(np.arange(low, high) == low, 0.0, steps[..., block]), axis=-1)
         weighted = new[..., block] * np.exp(age)
         weighted[..., 0] += kept[..., low] * before if low else 0.0
         out[..., block] = np.exp(-age) * np.cumsum(weighted, axis=-1)

@@ -67,7 +67,9 @@ class HeatBalance:
     contact : ndarray
         Error of the thermometer over the excess of its reading.
     lag : ndarray
-        Time constant of the thermometer [s].
+        Time constant of the junction of the thermometer [s].
+    mount, mount_time : ndarray
+        Mount over junction in what it reads, and the time constant of the mount [s].
     """
 
     gain: Floats
@@ -84,6 +86,8 @@ class HeatBalance:
     usual_room: Floats
     contact: Floats
     lag: Floats
+    mount: Floats
+    mount_time: Floats
 
     @property
     def size(self) -> int:
@@ -162,6 +166,7 @@ class FittedBalance:
                 return np.zeros(len(self.draws))
             return np.asarray(self.draws[:, at[name][number]])
 
+        lag = effect("thermocouple_lag")
         return HeatBalance(
             gain=gain,
             loss=loss,
@@ -176,7 +181,9 @@ class FittedBalance:
             draught=effect("ambient_draught"),
             usual_room=usual,
             contact=effect("contact_error"),
-            lag=effect("thermocouple_lag"),
+            lag=lag,
+            mount=effect("thermocouple_lag", 1),
+            mount_time=lag * effect("thermocouple_lag", 2),
         )
 
     def _number(self, condition: str) -> int:

@@ -60,7 +60,7 @@ def test_a_lagging_sensor_gives_back_the_metal() -> None:
         lambda t, y: (20.0 + 90.0 * (1.0 - np.exp(-t / 25.0)) - y) / tau, (0.0, 60.0), [20.0],
         t_eval=time, rtol=1e-9,
     ).y[0]  # fmt: skip
-    out = applied("thermocouple_lag", [tau], inputs_of(sensor, time=time))
+    out = applied("thermocouple_lag", [tau, 0.0, 100.0], inputs_of(sensor, time=time))
     missed = np.max(np.abs(force(sensor) - force(metal)))
     assert np.max(np.abs(out["force"] - force(metal))[10:]) < 0.02 * missed
 
@@ -77,8 +77,50 @@ def test_a_lagging_sensor_delays_the_simulated_temperature() -> None:
     np.testing.assert_allclose(plain, metal, atol=0.01)
     inputs = inputs_of(sensor, time=time)
     inputs["rate"] = np.gradient(sensor, time, edge_order=2)
-    out = applied("thermocouple_lag", [tau], inputs)["temperature"]
+    out = applied("thermocouple_lag", [tau, 0.0, 100.0], inputs)["temperature"]
     np.testing.assert_allclose(out, sensor, atol=0.05)
+
+
+def two_paths(tau: float, part: float, slower: float, time: Floats) -> tuple[Floats, Floats]:
+    """Metal that warms and eases off, and a sensor whose junction warms a slow mount, integrated in time."""
+
+    def metal(t: Floats) -> Floats:
+        return 20.0 + 90.0 * (1.0 - np.exp(-t / 25.0))
+
+    def flow(t: float, y: Floats) -> list[float]:
+        return [float(metal(np.array(t)) - y[0]) / tau, (y[0] - y[1]) / (slower * tau)]
+
+    junction, mount = solve_ivp(flow, time[[0, -1]], [20.0, 20.0], t_eval=time, rtol=1e-10, atol=1e-10).y
+    return metal(time), (junction + part * mount) / (1.0 + part)
+
+
+@pytest.mark.parametrize("slower", [10.0, 100.0])
+def test_a_sensor_with_a_slow_mount_gives_back_the_metal(slower: float) -> None:
+    tau, part, time = 0.5, 0.08, np.linspace(0.0, 60.0, 1201)
+    metal, sensor = two_paths(tau, part, slower, time)
+    inputs = inputs_of(sensor, time=time)
+    out = applied("thermocouple_lag", [tau, part, slower], inputs)["force"]
+    of_junction = applied("thermocouple_lag", [tau, 0.0, slower], inputs)["force"]
+    missed, without = (np.max(np.abs(f - force(metal))[20:]) for f in (force(sensor), of_junction))
+    assert np.max(np.abs(out - force(metal))[20:]) < 0.02 * min(missed, without)
+
+
+def test_a_slow_mount_delays_the_simulated_temperature() -> None:
+    tau, part, slower, time = 0.5, 0.08, 40.0, np.linspace(0.0, 60.0, 1201)
+    gain, loss, ambient, _ = THERMAL
+
+    def flow(t: float, y: Floats) -> list[float]:
+        return [
+            4.0 * gain - loss * (y[0] - ambient), (y[0] - y[1]) / tau, (y[1] - y[2]) / (slower * tau)
+        ]  # fmt: skip
+
+    _, junction, mount = solve_ivp(flow, (0.0, 60.0), [22.0] * 3, t_eval=time, rtol=1e-10, atol=1e-10).y
+    sensor = (junction + part * mount) / (1.0 + part)
+    inputs = inputs_of(sensor, time=time)
+    inputs["rate"] = np.gradient(sensor, time, edge_order=2)
+    out = applied("thermocouple_lag", [tau, part, slower], inputs)["temperature"]
+    missed = np.max(np.abs(junction - sensor))
+    np.testing.assert_allclose(out, sensor, atol=0.03 * missed)
 
 
 def test_contact_error_is_undone() -> None:
