@@ -155,7 +155,7 @@ def test_a_fit_pickles(rig) -> None:
     """By the pickle of the standard library, effects and scales included, and it goes on working."""
     campaign = rig(periods=(60.0,), loads=(1.0,), samples=16).campaign()
     hypothesis = baseline(campaign, histories(campaign), read_priors("modified_sigmoid"), pooled=True)
-    fitted = fit_with_noise(hypothesis.extended(EFFECTS["thermocouple_lag"]), np.zeros(9))
+    fitted = fit_with_noise(hypothesis.extended(EFFECTS["thermocouple_lag"]), np.zeros(11))
     again = pickle.loads(pickle.dumps(fitted))
     np.testing.assert_array_equal(again.residual_at(again.z), fitted.residual_at(fitted.z))
     np.testing.assert_array_equal(again.left, fitted.left)
