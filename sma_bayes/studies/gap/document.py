@@ -18,6 +18,7 @@ from sma_bayes.studies.gap.close import NOISE_ONLY_RMS, Gap
 from sma_bayes.studies.gap.fitting import FittedHypothesis, nearest
 from sma_bayes.studies.gap.flexible import FlexibleTerms, TermWorth, worth_of
 from sma_bayes.studies.gap.heating import heat_parameters
+from sma_bayes.studies.gap.innovations import growth
 from sma_bayes.studies.gap.jumps import Jump
 from sma_bayes.studies.gap.locate import Disagreement
 from sma_bayes.studies.gap.name import (
@@ -30,7 +31,7 @@ from sma_bayes.studies.gap.name import (
     EvidenceBeside,
     share_of,
 )
-from sma_bayes.studies.gap.noise import BlockNoise, ChannelBlock, growth, scatter
+from sma_bayes.studies.gap.noise import BlockNoise, ChannelBlock, scatter
 from sma_bayes.studies.gap.outcome import GapOutcome, added, judgement, named_channels, probability
 from sma_bayes.studies.gap.periodic import Spectra
 from sma_bayes.studies.gap.schema import (

@@ -26,10 +26,10 @@ from sma_bayes.studies.gap.noise import (
     ChannelBlock,
     Noise,
     blocks_of,
-    noise_of,
     whiten,
     whiten_residual,
 )
+from sma_bayes.studies.gap.noise_estimate import noise_of
 
 MODE_TOLERANCE = 5e-3
 """Gain of the log posterior in a step below which the mode is found, where residuals are as large as the noise.

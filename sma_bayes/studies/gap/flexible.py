@@ -25,7 +25,8 @@ from sma_bayes.arrays import Floats
 from sma_bayes.records.history import sweep_rate
 from sma_bayes.studies.gap.fitting import FittedHypothesis
 from sma_bayes.studies.gap.free_shape import free_curves
-from sma_bayes.studies.gap.noise import ChannelBlock, slope_of
+from sma_bayes.studies.gap.noise import ChannelBlock
+from sma_bayes.studies.gap.noise_columns import slope_of
 from sma_bayes.studies.gap.splines import (
     bspline_basis,
     grouped,

@@ -28,7 +28,8 @@ from sma_bayes.studies.gap.flexible import (
     offer,
     shape_terms,
 )
-from sma_bayes.studies.gap.noise import ChannelBlock, noise_of
+from sma_bayes.studies.gap.noise import ChannelBlock
+from sma_bayes.studies.gap.noise_estimate import noise_of
 
 JUMPS_OF_A_CONDITION = 4
 """Jumps of a condition, at most, on average over all of them."""

@@ -29,7 +29,8 @@ import numpy as np
 
 from sma_bayes.arrays import Floats
 from sma_bayes.studies.gap.fitting import FittedHypothesis, fit_hypothesis
-from sma_bayes.studies.gap.noise import BlockNoise, Noise, noise_as_it_is
+from sma_bayes.studies.gap.memory_likelihood import noise_as_it_is
+from sma_bayes.studies.gap.noise import BlockNoise, Noise
 
 ROUNDS = 3
 """How often the parameters and the sizes of the residuals of each channel are found in turn."""

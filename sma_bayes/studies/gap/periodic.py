@@ -20,7 +20,8 @@ from sma_bayes.arrays import Floats
 from sma_bayes.records.history import History, starts
 from sma_bayes.studies.gap.fitting import FittedHypothesis
 from sma_bayes.studies.gap.flexible import COEFFICIENT_SD_GRID
-from sma_bayes.studies.gap.noise import ChannelBlock, smooth_columns
+from sma_bayes.studies.gap.noise import ChannelBlock
+from sma_bayes.studies.gap.noise_columns import smooth_columns
 from sma_bayes.studies.gap.schema import StatedBand, StatedPeriodicity
 
 TEMPERATURE_SPLINES = 20

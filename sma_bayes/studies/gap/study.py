@@ -48,7 +48,7 @@ from sma_bayes.studies.gap.name import (
     share_of,
     signature_at_mode,
 )
-from sma_bayes.studies.gap.noise import is_shorter, remembers
+from sma_bayes.studies.gap.noise_estimate import is_shorter, remembers
 from sma_bayes.studies.gap.one_stage import OneStageShapes
 from sma_bayes.studies.gap.scatter import (
     LEAST_SHARE_OF_LAW,

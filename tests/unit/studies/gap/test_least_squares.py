@@ -8,7 +8,8 @@ import pytest
 from sma_bayes.studies.gap.density import HypothesisDensity
 from sma_bayes.studies.gap.fitting import fit_hypothesis
 from sma_bayes.studies.gap.least_squares import least_squares_of, readings_as_one, sandwich
-from sma_bayes.studies.gap.noise import BlockNoise, noise_as_it_is
+from sma_bayes.studies.gap.memory_likelihood import noise_as_it_is
+from sma_bayes.studies.gap.noise import BlockNoise
 
 
 @pytest.fixture(scope="module")

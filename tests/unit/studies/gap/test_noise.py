@@ -15,24 +15,18 @@ from sma_bayes.noise.ar1 import memory_log_scale
 from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.history import History, histories
 from sma_bayes.records.types import Condition
-from sma_bayes.studies.gap import noise as module
+from sma_bayes.studies.gap import memory_likelihood as module
 from sma_bayes.studies.gap.hypothesis import baseline
-from sma_bayes.studies.gap.noise import (
-    CORRELATION_GRID,
-    DEGREES_OF_FREEDOM,
-    BlockNoise,
-    ChannelBlock,
-    block_noise,
-    blocks_of,
+from sma_bayes.studies.gap.innovations import DEGREES_OF_FREEDOM, growth, heavy_tails
+from sma_bayes.studies.gap.noise import CORRELATION_GRID, BlockNoise, ChannelBlock, blocks_of, whiten
+from sma_bayes.studies.gap.noise_columns import (
     curve_changes,
     curve_columns,
     cycle_columns,
-    growth,
-    heavy_tails,
     recorded_columns,
     smooth_columns,
-    whiten,
 )
+from sma_bayes.studies.gap.noise_estimate import block_noise
 from sma_bayes.studies.gap.splines import bspline_basis
 
 GRID = float(np.max(np.diff(np.arctanh(CORRELATION_GRID))))
@@ -454,7 +448,7 @@ def test_noise_that_remembers_is_not_taken_for_jumps_or_bad_cycles(phi: float, t
         if tails:
             e = rng.standard_t(3.0, history.n) / np.sqrt(3.0)
             series = lfilter([np.sqrt(1.0 - phi**2)], [1.0, -phi], e)
-        plain, _ = module._likeliest(series, block, smooth)
+        plain, _ = module.likeliest_noise(series, block, smooth)
         found = block_noise(series, block, smooth, of_cycles=of_cycles)
         shorter += bool(np.median(found.memory) < np.median(plain.memory) - 0.1 * (1.0 - phi) - 0.06)
     assert shorter == 0
@@ -530,7 +524,7 @@ def test_columns_of_a_known_size_are_part_of_the_covariance(history: History, sm
         )[0][phi]
         assert values[size, phi] - at_nothing == pytest.approx(dense - flat, abs=1e-3)
     size = int(np.argmax(logsumexp(values, axis=1)))
-    found, _ = module._likeliest(e, block, smooth, 1.0, random * module.CHANGE_SD_GRID[size])
+    found, _ = module.likeliest_noise(e, block, smooth, 1.0, random * module.CHANGE_SD_GRID[size])
     best = int(np.argmax(values[size]))
     assert float(np.median(found.memory[~block.first])) == CORRELATION_GRID[best]
     covariance = (
