@@ -162,7 +162,7 @@ class FittedBalance:
         at = hypothesis.effect_positions
 
         def effect(name: str, number: int = 0) -> Floats:
-            if name not in at:
+            if name not in at or number >= len(at[name]):
                 return np.zeros(len(self.draws))
             return np.asarray(self.draws[:, at[name][number]])
 
@@ -179,7 +179,7 @@ class FittedBalance:
             second=effect("second_mass"),
             second_time=effect("second_mass", 1),
             draught=effect("ambient_draught"),
-            usual_room=usual,
+            usual_room=usual + effect("ambient_draught", 1 + i),
             contact=effect("contact_error"),
             lag=lag,
             mount=effect("thermocouple_lag", 1),

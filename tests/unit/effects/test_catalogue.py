@@ -85,6 +85,7 @@ def test_what_it_says_of_itself(name: str, measured, suited) -> None:
         assert (
             random
             or p.name in effect.equation
+            or f"{p.name.rstrip('0123456789')}_i" in effect.equation
             or name
             in (
                 "quantisation",

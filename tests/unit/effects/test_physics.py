@@ -434,3 +434,15 @@ def test_a_draught_changes_the_cooling() -> None:
     out = applied("ambient_draught", [0.3], inputs)["temperature"]
     assert out[398] == pytest.approx(23.0 + 4.0 * gain / (loss * np.exp(-0.3)), rel=1e-3)
     assert out[-1] == pytest.approx(21.0 + 4.0 * gain / (loss * np.exp(0.3)), rel=1e-3)
+
+
+def test_what_is_usual_in_a_room_need_not_be_its_median() -> None:
+    """Where the loss is shared, a condition whose room is usually 1.5 K warmer than its median has more draught."""
+    gain, loss, *_ = THERMAL
+    inputs = inputs_of(
+        np.full(800, 60.0), time=np.linspace(0.0, 400.0, 800), ambient_temperature=np.full(800, 23.0)
+    )
+    for run, warmer in enumerate((0.0, 1.5)):
+        out = applied("ambient_draught", [0.3, 0.0, 1.5], {**inputs, "run": np.full(800, float(run))})
+        settled = 23.0 + 4.0 * gain / (loss * np.exp(0.3 * warmer))
+        assert out["temperature"][-1] == pytest.approx(settled, rel=1e-3)
