@@ -24,8 +24,9 @@ class AmbientDraught:
 
     Ta0 is what is usual in a condition, since a room that is always cold has no more draught than another: its median,
     by and large, of one condition, whose loss absorbs the rest; where several share their loss, each may be off by d.
-    The ambient temperature itself is in the Joule-heating balance where it was recorded, and loss absorbs the mean of h. What is
-    left follows the changes of the room, most of all where the alloy is hottest, and not the share transformed.
+    The ambient temperature itself is in the Joule-heating balance where it was recorded, and loss absorbs the mean of
+    h. What is left follows the changes of the room, most of all where the alloy is hottest, and not the share
+    transformed.
     """
 
     id = "ambient_draught"
