@@ -66,14 +66,14 @@ def test_whole_conditions_give_the_numbers_of_single_branches(
     assert not (house / "conditions" / "parts").exists()
 
 
-@pytest.mark.usefixtures("by_condition")
-def test_conditions_that_were_finished_are_not_done_again(
-    house: Path, whole: Path, assert_same_run: Same, monkeypatch: pytest.MonkeyPatch
-) -> None:
-    out, sampled = house / "resumed", []
+def finished_and_resumed(
+    house: Path, out: Path, stop_at: int, monkeypatch: pytest.MonkeyPatch, lost: str = ""
+) -> Any:
+    """Interrupt a fit, remove a file of it, go on: parts that were kept, and conditions that were done once more."""
+    sampled = []
 
     def interrupt(done: int, total: int, message: str) -> None:
-        if done == 4:
+        if done == stop_at:
             raise KeyboardInterrupt
 
     def count(task: fit_tasks.FitTask) -> Any:
@@ -83,14 +83,33 @@ def test_conditions_that_were_finished_are_not_done_again(
     sample = fit_tasks.sample_task
     with pytest.raises(KeyboardInterrupt):
         fit_campaign(read_campaign(house), out, jobs=1, figures=False, noise=NOISE, progress=interrupt)
-    parts = sorted((out / "parts").iterdir())
-    assert [p.stem for p in parts] == ["spring001-01", "spring001-02"]
-    (out / "bands" / "spring001-02-heating-force.csv").unlink()  # so this one has to be done again
+    parts = [p.stem for p in sorted((out / "parts").iterdir())]
+    if lost:
+        (out / "bands" / lost).unlink()
     monkeypatch.setattr(fit_tasks, "sample_task", count)
     fit_campaign(read_campaign(house), out, jobs=1, figures=False, noise=NOISE, resume=True)
-    assert {key.rpartition("-")[0] for key in sampled} == {
-        f"spring001-{n:02}" for n in range(2, CONDITIONS + 1)
-    }
+    return parts, {key.rpartition("-")[0] for key in sampled}
+
+
+@pytest.mark.usefixtures("by_condition")
+def test_conditions_that_were_finished_are_not_done_again(
+    house: Path, whole: Path, assert_same_run: Same, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    out, lost = house / "resumed", "spring001-02-heating-force.csv"  # so this one has to be done again
+    parts, done = finished_and_resumed(house, out, 4, monkeypatch, lost)
+    assert parts == ["spring001-01", "spring001-02"]
+    assert done == {f"spring001-{n:02}" for n in range(2, CONDITIONS + 1)}
+    assert_same_run(whole, out)
+
+
+def test_of_few_conditions_too_only_the_one_under_way_is_done_again(
+    house: Path, whole: Path, assert_same_run: Same, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Of few conditions each record is a task."""
+    out = house / "resumed-records"
+    parts, done = finished_and_resumed(house, out, 5, monkeypatch)
+    assert parts == ["spring001-01", "spring001-02"]
+    assert done == {f"spring001-{n:02}" for n in range(3, CONDITIONS + 1)}
     assert_same_run(whole, out)
 
 

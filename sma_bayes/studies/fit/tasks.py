@@ -163,6 +163,9 @@ def fitted(
     if options.pool == "none" and len(conditions) >= CONDITION_TASKS_FROM:
         yield from _by_whole_conditions(conditions, folder, jobs, account)
         return
+    if options.pool == "none":
+        yield from _record_by_record(conditions, folder, jobs, account)
+        return
     assessed = []
     for found in run(_assess_task, tasks, jobs, account=account, light=all(t.light for t in tasks)):
         assessed.append(found.fit)
@@ -178,41 +181,64 @@ def _by_condition(tasks: Iterable[FitTask]) -> dict[str, tuple[FitTask, ...]]:
     return found
 
 
+def _record_by_record(
+    conditions: dict[str, tuple[FitTask, ...]], folder: Path, jobs: int | None, account: Account
+) -> Iterator[Part]:
+    """Records one by one, so that few of them keep all processes busy; a condition is kept when all of it is told."""
+    finished, todo = _unfinished(conditions, folder)
+    light = all(t.light for tasks in conditions.values() for t in tasks)
+    found = run(_assess_task, [t for tasks in todo for t in tasks], jobs, account=account, light=light)
+    for name, tasks in conditions.items():
+        if name in finished:
+            yield read_part(folder, name)
+            continue
+        assessed = []
+        for _ in tasks:
+            one = next(found)
+            assessed.append(one)
+            yield Part(one.summaries, [], one.scored, one.account)
+        part = _part_of(assessed)
+        write_part(folder, name, part)
+        yield Part([], part.loops, [])
+
+
 def _by_whole_conditions(
     conditions: dict[str, tuple[FitTask, ...]], folder: Path, jobs: int | None, account: Account
 ) -> Iterator[Part]:
     """Conditions one by one; those that an earlier call has finished are read, not done again."""
-    finished = {name for name, tasks in conditions.items() if _is_finished(folder, name, tasks)}
+    finished, todo = _unfinished(conditions, folder)
     light = all(t.light for tasks in conditions.values() for t in tasks)
-    todo = run(
-        _condition_task,
-        [c for n, c in conditions.items() if n not in finished],
-        jobs,
-        account=account,
-        light=light,
-    )
+    found = run(_condition_task, todo, jobs, account=account, light=light)
     for name in conditions:
-        part = read_part(folder, name) if name in finished else None
-        yield part or next(todo)
+        yield read_part(folder, name) if name in finished else next(found)
+
+
+def _unfinished(
+    conditions: dict[str, tuple[FitTask, ...]], folder: Path
+) -> tuple[set[str], list[tuple[FitTask, ...]]]:
+    """Conditions that an earlier call has finished, and the tasks of each other one."""
+    finished = {name for name, tasks in conditions.items() if _is_finished(folder, name, tasks)}
+    return finished, [tasks for name, tasks in conditions.items() if name not in finished]
 
 
 def _condition_task(tasks: tuple[FitTask, ...]) -> Part:
     """All branches of one condition."""
-    assessed = [_assess_task(task) for task in tasks]
+    part = _part_of([_assess_task(task) for task in tasks])
+    if tasks[0].folder is not None:
+        write_part(tasks[0].folder, tasks[0].records[0].condition.id, part)
+    return part
+
+
+def _part_of(assessed: Sequence[_Assessed]) -> Part:
+    """What a summary says of all branches of one condition."""
     account = Account()
     for a in assessed:
         account.take(a.account.document())
     with account.timed("diagnose"):
         loops = _loops([a.fit for a in assessed])
-    part = Part(
-        [s for a in assessed for s in a.summaries],
-        loops,
-        [s for a in assessed for s in a.scored],
-        account,
+    return Part(
+        [s for a in assessed for s in a.summaries], loops, [s for a in assessed for s in a.scored], account
     )
-    if tasks[0].folder is not None:
-        write_part(tasks[0].folder, tasks[0].records[0].condition.id, part)
-    return part
 
 
 def _is_finished(folder: Path, condition: str, tasks: Iterable[FitTask]) -> bool:
