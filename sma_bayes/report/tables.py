@@ -33,6 +33,7 @@ from sma_bayes.report.notation import (
     write,
     write_interval,
 )
+from sma_bayes.runs.fit_document import Lack
 from sma_bayes.runs.store import write_csv, write_text
 
 UNIT_OF_ROW: Final = "unit"
@@ -391,6 +392,14 @@ def _quantity_cells(r: RecordContent, q: QuantityInterval) -> tuple[Cell, ...]:
     return name, r.name_of(q.channel), unit, Estimate.of(q, q.unit), defined, q.meaning
 
 
+UNSUPPORTED: Final[dict[Lack, str]] = {
+    "readings": "from too few readings",
+    "tangents": "without tangents",
+    "plateau": "extrapolated",
+}
+"""Why a transformation temperature is not supported by the measurements, in a word or two."""
+
+
 def transformation_table(records: Sequence[RecordContent]) -> Table:
     """Start and finish of the transformation by the tangent rule."""
     return table_of(
@@ -398,7 +407,7 @@ def transformation_table(records: Sequence[RecordContent]) -> Table:
         "Transformation temperatures",
         "Where the tangent at the steepest point crosses the tangents to the plateaus (rule of ASTM E3097), on each "
         f"posterior curve: median and {INTERVAL}. Outstanding: share of the transformation that the sweep leaves out "
-        "at that end. Where the measurements do not support both tangents the value is extrapolated.",
+        "at that end. Where the measurements do not support both tangents the last column says what they lack.",
         [(r, name, t) for r in records for name, t in r.document.transformation.items()],
         *_OF_RECORD,
         (Column("temperature", "name"), lambda r, name, t: name),
@@ -414,7 +423,7 @@ def transformation_table(records: Sequence[RecordContent]) -> Table:
         ),
         (
             Column("supported by data", "within_data"),
-            lambda r, name, t: "yes" if t.within_data else "no, extrapolated",
+            lambda r, name, t: "yes" if t.lacks is None else f"no, {UNSUPPORTED[t.lacks]}",
         ),
     )
 

@@ -14,6 +14,7 @@ from sma_bayes.assess.loops import QuantityInterval
 from sma_bayes.assess.path import PathRemark
 from sma_bayes.assess.rank_uniformity import Coverage
 from sma_bayes.assess.sweeps import LeftOutSweep
+from sma_bayes.assess.transformation import LEAST_SAMPLES_OF_TRANSITION, LEAST_SHARE_OF_DRAWS
 from sma_bayes.errors import OutputError
 from sma_bayes.response import DEFAULT_MODEL
 from sma_bayes.runs.documents import FIT
@@ -189,6 +190,11 @@ class GoodnessSummary(DocumentPart):
     p: int = Field(description="parameters of the channel")
 
 
+Lack = Literal["readings", "tangents", "plateau"]
+"""Why a temperature is not supported by the measurements: too few readings between start and finish, tangents that do
+not cross on the curve, or an end of the sweep at which the curve is not flat yet."""
+
+
 class TransformationSummary(IntervalDocument):
     """Start or finish of the transformation by the tangent rule."""
 
@@ -207,6 +213,15 @@ class TransformationSummary(IntervalDocument):
         default=1.0,
         description="share of the draws for which the rule gives a value [1]",
     )
+
+    @property
+    def lacks(self) -> Lack | None:
+        """What the measurements do not have for it; None where they support it."""
+        if self.within_data:
+            return None
+        if self.samples < LEAST_SAMPLES_OF_TRANSITION:
+            return "readings"
+        return "tangents" if self.defined < LEAST_SHARE_OF_DRAWS else "plateau"
 
 
 class CheckSummary(DocumentPart):

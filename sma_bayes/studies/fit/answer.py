@@ -10,7 +10,8 @@ from sma_bayes.errors import first_of
 from sma_bayes.quantities import SPECIMEN_QUANTITY
 from sma_bayes.report.content import INTERVAL, Content, Estimate, Number, RecordContent
 from sma_bayes.report.notation import NORMAL_90_WIDTH, unit_label
-from sma_bayes.report.tables import UNIT_OF_ROW, Cell, Column, Table, words
+from sma_bayes.report.tables import UNIT_OF_ROW, UNSUPPORTED, Cell, Column, Table, words
+from sma_bayes.runs.fit_document import Lack
 from sma_bayes.studies.fit.findings import finding_groups
 from sma_bayes.studies.fit.inadequate import RECORDS_NAMED, reason_groups
 
@@ -148,13 +149,26 @@ def belief(r: RecordContent) -> str:
     """Whether the numbers of a record may be relied on, in a few words."""
     if not r.converged:
         return "no: not converged"
-    beyond = [name for name, t in r.document.transformation.items() if not t.within_data]
-    extrapolated = f"; {' and '.join(beyond)} extrapolated" if beyond else ""
+    unsupported = "".join(
+        f"; {' and '.join(names)} {UNSUPPORTED[lack]}"
+        for lack in LACKS
+        if (names := [name for name, t in r.document.transformation.items() if t.lacks == lack])
+    )
     if not r.adequate:
-        return ": ".join(("with care", *(reason.message for reason in r.document.why[:1]))) + extrapolated
+        return ": ".join(("with care", *(reason.message for reason in r.document.why[:1]))) + unsupported
     if r.document.path.kind in RIG_PATHS:
-        return f"yes, but the slope is that of the rig{extrapolated}"
-    return f"yes{extrapolated}"
+        return f"yes, but the slope is that of the rig{unsupported}"
+    return f"yes{unsupported}"
+
+
+LACKS: Final[dict[Lack, str]] = {
+    "readings": "fewer than three readings between start and finish of the transformation; measure closer together "
+    "there",
+    "tangents": "tangents give no start or finish, as the curve has a further step or is not straight beside its "
+    "steepest part; read them off the figure by hand",
+    "plateau": "start or finish of the transformation is extrapolated; measure on to where the curve is flat",
+}
+"""What to do where measurements do not support a transformation temperature, by what they lack."""
 
 
 def next_steps(content: Content) -> tuple[str, ...]:
@@ -169,14 +183,12 @@ def _next_steps(content: Content) -> Iterator[str]:
     options = content.document.options
     for group in reason_groups(r.document for r in content.inadequate):
         yield f"{group.names}: {group.quoted}; {remedy(group.kind, options.model, options.noise)}"
-    extrapolated = [
-        r for r in content.converged if any(not t.within_data for t in r.document.transformation.values())
-    ]
-    if extrapolated:
-        yield (
-            f"{_names(extrapolated)}: start or finish of the transformation is extrapolated; measure on to where the "
-            "curve is flat"
-        )
+    for lack, advice in LACKS.items():
+        lacking = [
+            r for r in content.converged if any(t.lacks == lack for t in r.document.transformation.values())
+        ]
+        if lacking:
+            yield f"{_names(lacking)}: {advice}"
     backwards = [
         q for q in content.loops if q.name == "hysteresis_width" and q.q95 is not None and q.q95 < 0.0
     ]

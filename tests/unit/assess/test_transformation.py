@@ -14,6 +14,7 @@ from sma_bayes import fit
 from sma_bayes.arrays import Floats
 from sma_bayes.assess.transformation import (
     MAX_OUTSTANDING_SHARE,
+    half_way,
     tangents,
     transformation_temperatures,
 )
@@ -90,6 +91,27 @@ def test_the_rule_works_on_another_model_and_refuses_what_has_no_inflection() ->
     ):
         none = tangents(curve, LOW, HIGH)
         assert np.isnan([none.lower, none.upper, none.missing_below, none.missing_above]).all()
+
+
+def test_a_step_before_another_one_has_no_tangents_of_what_follows_the_other() -> None:
+    """As of a real specimen: a step at 5, another at 50, and a phase that expands as steeply as the second one fell."""
+
+    def curve(t: Floats) -> Floats:
+        t = np.atleast_2d(t)
+        return (
+            0.9 * expit(-0.8 * (t - 5.0)) + 0.8 * expit(-0.5 * (t - 50.0)) + 0.01 * np.maximum(t - 55.0, 0.0)
+        )
+
+    found = tangents(curve, -60.0, 80.0)
+    assert found.lower[0] == pytest.approx(2.5, abs=0.5)
+    assert np.isnan(found.upper[0])
+    assert np.isnan(half_way(curve, -60.0, 80.0)[0])
+
+    def alone(t: Floats) -> Floats:
+        return 0.9 * expit(-0.8 * (np.atleast_2d(t) - 5.0))
+
+    assert tangents(alone, -60.0, 80.0).upper[0] == pytest.approx(7.5, abs=0.01)
+    assert half_way(alone, -60.0, 80.0)[0] == pytest.approx(5.0, abs=0.01)
 
 
 def test_curves_as_wide_as_any_prior_give_the_closed_form_or_nothing() -> None:

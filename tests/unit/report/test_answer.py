@@ -92,6 +92,28 @@ def test_an_inadequate_record_is_named_with_its_reason_and_a_remedy(content: Con
     assert "`sma-bayes gap`" in step
 
 
+@pytest.mark.parametrize(
+    ("update", "said", "advice"),
+    [
+        ({"samples": 2}, "As and Af from too few readings", "measure closer together"),
+        ({"samples": 9, "defined": 0.3}, "As and Af without tangents", "a further step"),
+        ({"samples": 9, "defined": 1.0}, "As and Af extrapolated", "measure on to where"),
+    ],
+)
+def test_what_a_transformation_temperature_lacks_is_said(
+    content: Content, update: dict[str, float], said: str, advice: str
+) -> None:
+    first, *others = content.records
+    temperatures = {
+        name: t.model_copy(update={"within_data": False, **update})
+        for name, t in first.document.transformation.items()
+    }
+    bad = replace(content, records=(told(first, transformation=temperatures), *others))
+    assert belief(bad.records[0]) == f"yes; {said}"
+    (step,) = (s for s in next_steps(bad) if s.startswith(f"{first.key}: "))
+    assert advice in step
+
+
 def test_what_is_asked_next_lies_within_what_the_spring_does(content: Content) -> None:
     """The greatest stiffness is reached with a probability of a half, and so no temperature is found for it."""
     (ask,) = (s for s in next_steps(content) if "sma-bayes ask" in s)

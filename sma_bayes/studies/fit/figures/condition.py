@@ -109,7 +109,7 @@ def _loop_caption(branches: Sequence[BranchData], channels: Sequence[Channel]) -
         + (f" {channels[-1].name.capitalize()} is derived from the others." if _derived(channels) else "")
         + (
             " Bars at the edge: median and 90 % credible interval of the transformation temperatures by the tangent "
-            "rule, in brackets where extrapolated."
+            "rule, in brackets where the measurements do not support them."
             if any(b.content.document.transformation for b in branches if b.content.converged)
             else ""
         )
