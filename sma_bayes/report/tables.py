@@ -17,6 +17,7 @@ from sma_bayes.report.content import (
     INTERVAL,
     PAPER_CORRELATION,
     AverageFactor,
+    Channel,
     Content,
     Estimate,
     Number,
@@ -279,7 +280,9 @@ def correlation_table(records: Sequence[RecordContent]) -> Table:
         f"Median and {INTERVAL} over the posterior curves; against the measured data, and against data replicated "
         "from the posterior."
         + beside
-        * " Adjusted R² counts the parameters of the model, not what the discrepancy beside it takes up.",
+        * " The curves are those that are plotted, with the discrepancy beside the model. The last column is r of the "
+        "model alone at least squares, the factor that the paper states. Adjusted R² counts the parameters of the model, "
+        "not what the discrepancy takes up.",
         [
             (r, c, which, found)
             for r in records
@@ -295,8 +298,14 @@ def correlation_table(records: Sequence[RecordContent]) -> Table:
         (Column("adjusted R²", "adj_r2", "1"), lambda r, c, which, found: found.get("adj_r2")),
         (_UNIT, lambda r, c, which, found: unit_label(c.unit) or "1"),
         (Column("RMSE", "rmse", UNIT_OF_ROW), lambda r, c, which, found: found.get("rmse")),
+        *([(Column("r, model alone", "r_model", "1"), _factor_of_model)] if beside else []),
         grouped=3,
     )
+
+
+def _factor_of_model(r: RecordContent, c: Channel, which: str, _: object) -> Number | None:
+    alone = r.document.fit.get(c.channel)
+    return None if which != "measured" or alone is None else Number(alone.r, "1", 1e-4)
 
 
 AVERAGE_COLUMNS: Final = (

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from pathlib import Path
 from typing import Annotated, Final, Literal
 
@@ -188,6 +189,11 @@ class GoodnessSummary(DocumentPart):
     adj_r2: NumberOrNull = Field(description="the same, adjusted for p parameters [1]")
     n: int = Field(description="samples")
     p: int = Field(description="parameters of the channel")
+
+    @property
+    def r(self) -> float | None:
+        """Correlation of the data with the curve of the model alone, which least squares makes the root of R²."""
+        return None if self.r2 is None or self.r2 < 0.0 else math.sqrt(self.r2)
 
 
 Lack = Literal["readings", "tangents", "plateau"]
