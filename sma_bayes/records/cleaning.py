@@ -25,6 +25,8 @@ CHANNEL_STEPS: Final = 10.0
 real."""
 
 
+STALLED_ROWS: Final = 4
+"""Rows in a row with one time stamp, most of all that there are, from which on a logger stalled."""
 MAX_SHARE_MISSING: Final = 0.5
 """A column that is missing in more than this share of the rows is left out, rather than the rows."""
 
@@ -65,11 +67,15 @@ def _clean_time(ledger: Ledger) -> None:
     index = ledger.rows
     ledger.keep_out(index[astray], "time-reversal", "time runs backwards", column="time")
     if restart.size:
-        message = f"the clock starts again {restart.size} times; each stretch is split on its own"
+        often = "once" if restart.size == 1 else f"{restart.size} times"
+        message = f"the clock starts again {often}; each stretch is split on its own"
         ledger.note(index[restart], "time-restart", message, column="time")
     tied = np.flatnonzero(np.diff(ledger.column("time")) == 0) + 1
     if tied.size:
-        message = f"{many(tied.size, 'row')} with the time stamp of the row before: time has too few digits"
+        longest = int(np.diff(np.flatnonzero(np.diff(tied, prepend=-1, append=tied[-1] + 2) != 1)).max())
+        stalled = f"the clock stood still for {longest} of them on end, as a logger that stalls leaves it"
+        why = stalled if longest >= STALLED_ROWS and 2 * longest > tied.size else "time has too few digits"
+        message = f"{many(tied.size, 'row')} with the time stamp of the row before: {why}"
         ledger.note(ledger.rows[tied], "repeated-time", message, column="time")
 
 

@@ -1,4 +1,4 @@
-"""Clock times: ``12:34:56.7``, ``2024-05-01T12:34:56+02:00``, ``01.05.2024 12:34``, ``5/1/2024 1:34:56 PM``."""
+"""Clock times: ``12:34:56.7``, ``2024-05-01T12:34+02:00``, ``5/1/2024 1:34:56 PM``, ``01-May-24 12:34:56``."""
 
 from __future__ import annotations
 
@@ -25,6 +25,14 @@ _TIME = re.compile(
     r"\s*(?P<half>[AaPp])?(?(half)\.?[Mm]\.?)\s*(?P<zone>Z|[+-]\d{2}:?\d{2})?"
 )
 
+_MONTHS: Final = ("jan", "feb", "mar", "apr", "may", "jun", "jul", "aug", "sep", "oct", "nov", "dec")
+_NAMED_MONTH = re.compile(
+    rf"(\d{{1,4}})[-/.\s]+({'|'.join(_MONTHS)})[a-z]*[-/.,\s]+(\d{{1,4}})(?=[T,\s])", re.IGNORECASE
+)
+"""A date whose month is a name, between day and year."""
+_ORDERS: Final = ((2, 1, 0), (2, 0, 1), (0, 1, 2))
+"""Places of year, month and day in a date with a year of two digits or a year last."""
+
 
 def is_clock(cells: Cells) -> bool:
     """Whether the first cell that holds anything is a clock time.
@@ -44,7 +52,8 @@ def clock_seconds(cells: Sequence[object], row: Ints, *, file: Path, column: str
     """Seconds of clock times, from midnight or, where a date is told, from the first day of year 1 [s].
 
     Days of a clock without a date are counted on where it passes midnight. Of dates such as 3/4/2024 day and month are
-    told apart by numbers above 12, else by which of the two makes the record shorter.
+    told apart by numbers above 12, else by which of the two makes the record shorter; a year of two digits may be
+    first, as in 24-03-05, or last.
 
     Parameters
     ----------
@@ -72,7 +81,7 @@ def clock_seconds(cells: Sequence[object], row: Ints, *, file: Path, column: str
     """
     found = [None if is_blank(cell) else _TIME.fullmatch(_text(cell)) for cell in cells]
     dates = sorted({m["date"] for m in found if m and m["date"]})
-    orders = [_days(dates, month_first=order) for order in (False, True)]
+    orders = [_days(dates, order) for order in _ORDERS]
     days = min(orders, key=lambda d: (-len(d), max(d.values(), default=0) - min(d.values(), default=0)))
     seconds = np.full(len(cells), np.nan)
     for i, (cell, match) in enumerate(zip(cells, found, strict=True)):
@@ -100,7 +109,15 @@ def _text(cell: object) -> str:
         return f"{int(total // 3600)}:{int(total % 3600 // 60):02d}:{total % 60:09.6f}"
     if isinstance(cell, datetime | time_of_day):
         return cell.isoformat()
-    return cell.strip() if isinstance(cell, str) else ""
+    return _NAMED_MONTH.sub(_numbered, cell.strip(), count=1) if isinstance(cell, str) else ""
+
+
+def _numbered(match: re.Match[str]) -> str:
+    """The date with the number of its month, year first."""
+    first, name, last = match.groups()
+    year, day = (first, last) if len(first) > 2 else (last, first)
+    month = _MONTHS.index(name[:3].lower()) + 1
+    return f"{int(year) + (2000 if len(year) < 3 else 0)}-{month}-{day}"
 
 
 def _seconds(match: re.Match[str]) -> float | None:
@@ -120,12 +137,12 @@ def _seconds(match: re.Match[str]) -> float | None:
     return 3600.0 * hours + 60.0 * (minutes - ahead) + whole + float("0." + (match["part"] or "0"))
 
 
-def _days(dates: Sequence[str], *, month_first: bool) -> dict[str, int]:
+def _days(dates: Sequence[str], order: tuple[int, int, int]) -> dict[str, int]:
     """Day of each date that there is, counted from the first of year 1."""
     found = {}
     for text in dates:
-        a, b, c = (int(part) for part in re.split(r"[-/.]", text))
-        year, month, day = (a, b, c) if a > 31 else (c, a, b) if month_first else (c, b, a)
+        parts = [int(part) for part in re.split(r"[-/.]", text)]
+        year, month, day = parts if parts[0] > 31 else (parts[place] for place in order)
         with suppress(ValueError):
             found[text] = date(year + 2000 if year < 100 else year, month, day).toordinal()
     return found

@@ -226,6 +226,10 @@ def split_with_doubts(
     return parts, (*doubts, *unresolved(parts), *seen)
 
 
+SPIKES_SET_ASIDE: Final = 2
+"""Readings at either end of a column that don't tell whether it is what it is named: they may be spikes, which are kept
+out and counted by themselves."""
+
 _Seen = Iterator[tuple[str, str, str]]
 
 
@@ -242,12 +246,10 @@ def _out_of_range(run: Run) -> _Seen:
         unit = unit_text(believed.unit)
         limits = f"{believed.low:g} to {believed.high:g} {unit}".rstrip()
         if believed.unit == "degC":
-            found = [
-                v for v in (np.nanmin(values), np.nanmax(values)) if not believed.low <= v <= believed.high
-            ]
+            found = [v for v in _ends(values) if not believed.low <= v <= believed.high]
             shown = f"reaches {found[0]:.4g} {unit}" if found else ""
         else:
-            largest = float(np.nanmax(np.abs(values)))
+            largest = _ends(np.abs(values))[1]
             shown = (
                 ""
                 if not largest or believed.low <= largest <= believed.high
@@ -260,6 +262,13 @@ def _out_of_range(run: Run) -> _Seen:
                 "right, and the column this quantity?",
                 name,
             )
+
+
+def _ends(values: Floats) -> tuple[float, float]:
+    """Least and greatest value but for the `SPIKES_SET_ASIDE` readings at either end."""
+    known = np.sort(values[np.isfinite(values)])
+    aside = min(SPIKES_SET_ASIDE, (known.size - 1) // 10)
+    return float(known[aside]), float(known[-1 - aside])
 
 
 def _same_columns(run: Run) -> _Seen:

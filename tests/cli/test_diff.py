@@ -22,6 +22,9 @@ def folders(make_campaign: Callable[..., Path], tmp_path_factory: pytest.TempPat
     campaign = sma_bayes.read_campaign(bench)
     for name, seed in (("a", 0), ("b", 1)):
         fit_campaign(campaign, place / name, seed=seed, noise="independent", jobs=1, figures="none")
+    fit_campaign(
+        campaign, place / "skewed", model="sinh_arcsinh", noise="independent", jobs=1, figures="none"
+    )
     lines = (bench / "a.csv").read_text(encoding="utf-8").splitlines()
     warmer = [lines[0]]
     for line in lines[1:]:
@@ -31,7 +34,7 @@ def folders(make_campaign: Callable[..., Path], tmp_path_factory: pytest.TempPat
     fit_campaign(
         sma_bayes.read_campaign(bench), place / "warmer", noise="independent", jobs=1, figures="none"
     )
-    return {name: place / name for name in ("a", "b", "warmer")}
+    return {name: place / name for name in ("a", "b", "skewed", "warmer")}
 
 
 def test_another_seed_gives_the_same(
@@ -46,6 +49,19 @@ def test_another_seed_gives_the_same(
     assert found["same"]
     assert found["inputs"] == {"seed": [0, 1]}
     assert all(0.0 < abs(p["shift"]) < 0.25 for r in found["records"] for p in r["parameters"].values())
+
+
+def test_of_two_models_the_nearest_published_curves_are_compared(
+    run: Callable[..., Any], folders: dict[str, Path]
+) -> None:
+    """Data follow the published model: what both have in common agrees, and skew and tails stand beside nothing."""
+    found = sma_bayes.diff(folders["a"], folders["skewed"])
+    for r in found["records"]:
+        curve = {n: p for n, p in r["parameters"].items() if "_" not in n}
+        assert {n[0] for n in curve} <= {"A", "B"}
+        assert all(p["a"] and p["b"] and abs(p["shift"]) < 1.5 for p in curve.values())
+    outcome = run("diff", folders["a"], folders["skewed"])
+    assert "published curve nearest to either" in outcome.out
 
 
 def test_a_run_is_the_same_as_itself(folders: dict[str, Path]) -> None:

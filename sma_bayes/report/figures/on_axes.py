@@ -8,11 +8,12 @@ from sma_bayes.assess.bands import Band
 from sma_bayes.quantities import unit_text
 from sma_bayes.records.types import Record
 from sma_bayes.report.figures.sheet import COLOURS
+from sma_bayes.runs.declared_units import Shown
 
 __all__ = ["Axes", "draw_band"]
 
 
-def draw_band(record: Record, band: Band, ax: Axes | None = None) -> Axes:
+def draw_band(record: Record, band: Band, ax: Axes | None, units: Shown) -> Axes:
     """Draw the 50 % and 90 % credible bands of a curve, and the samples where the channel was measured.
 
     Parameters
@@ -21,20 +22,26 @@ def draw_band(record: Record, band: Band, ax: Axes | None = None) -> Axes:
     band : Band
     ax : Axes, optional
         The current axes of pyplot by default.
+    units : mapping of str to ShownUnit
+        In which quantities are drawn; those that are not in it as they are stored.
     """
     if ax is None:
         from matplotlib import pyplot
 
         ax = pyplot.gca()
-    colour = COLOURS[record.branch]
-    curve = band.curve
-    ax.fill_between(band.temperature, curve["q05"], curve["q95"], color=colour, alpha=0.2, linewidth=0.0)
-    ax.fill_between(band.temperature, curve["q25"], curve["q75"], color=colour, alpha=0.35, linewidth=0.0)
-    ax.plot(band.temperature, curve["q50"], color=colour, label=record.key)
+    colour, name = COLOURS[record.branch], record.quantity(band.channel)
+    warmth, size = units.get("temperature"), units.get(name)
+    t = band.temperature if warmth is None else warmth.values(band.temperature)
+    curve = {q: y if size is None else size.values(y) for q, y in band.curve.items()}
+    ax.fill_between(t, curve["q05"], curve["q95"], color=colour, alpha=0.2, linewidth=0.0)
+    ax.fill_between(t, curve["q25"], curve["q75"], color=colour, alpha=0.35, linewidth=0.0)
+    ax.plot(t, curve["q50"], color=colour, label=record.key)
     if band.channel in record.channels:
-        ax.plot(
-            record.temperature, record.observed[band.channel], ".", color=colour, markersize=3.0, alpha=0.5
-        )
-    ax.set_xlabel(f"temperature [{unit_text(record.units['temperature'])}]")
-    ax.set_ylabel(f"{record.quantity(band.channel)} [{unit_text(band.unit) or '1'}]")
+        at, y = record.temperature, record.observed[band.channel]
+        at, y = at if warmth is None else warmth.values(at), y if size is None else size.values(y)
+        ax.plot(at, y, ".", color=colour, markersize=3.0, alpha=0.5)
+    degrees = record.units["temperature"] if warmth is None else warmth.shown
+    unit = band.unit if size is None else size.shown
+    ax.set_xlabel(f"temperature [{unit_text(degrees)}]")
+    ax.set_ylabel(f"{name} [{unit_text(unit) or '1'}]")
     return ax

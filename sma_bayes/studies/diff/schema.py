@@ -63,7 +63,11 @@ class ComparedRecords(DocumentPart):
         description="what of samples, temperatures, settings, noise, model and so on differs: in a, in b",
     )
     priors: Items[str] = Field(default=(), description="parameters whose priors differ")
-    parameters: dict[str, ComparedParameter] = Field(default={}, description="parameters, by name")
+    parameters: dict[str, ComparedParameter] = Field(
+        default={},
+        description="parameters, by name; where models differ, A1 to B4 of the published curve nearest to either, and "
+        "parameters of the noise",
+    )
     transformation: dict[str, ComparedParameter] = Field(
         default={},
         description="transformation temperatures, by name; they follow from the curves and have no say in `same`",

@@ -130,6 +130,8 @@ def _show_record(console: Screen, r: ComparedRecords, found: DifferenceDocument)
                 for message in (why if r.adequate[0] != r.adequate[1] else ())
             )
         )
+    if "model" in r.changed:
+        console.tell("  parameters of the curve: those of the published curve nearest to either")
     widths = _widths(r)
     if widths:
         console.tell(f"  bands in b: {', '.join(widths)}")

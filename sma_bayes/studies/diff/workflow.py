@@ -11,7 +11,12 @@ import numpy as np
 
 from sma_bayes.errors import SmaBayesError
 from sma_bayes.runs.declared_units import Shown, declared_parts, shown_as, shown_units
-from sma_bayes.runs.fit_document import ParameterSummary, RecordSummary, TransformationSummary
+from sma_bayes.runs.fit_document import (
+    NearestSummary,
+    ParameterSummary,
+    RecordSummary,
+    TransformationSummary,
+)
 from sma_bayes.runs.outputs import StoredBand, StoredRun, band_of, read_run
 from sma_bayes.runs.shown import in_shown_units
 from sma_bayes.studies.diff.schema import (
@@ -35,6 +40,8 @@ COMPARED: Final = (
 """Keys of a record of which is told what differs, beside noise and priors."""
 GRID: Final = 161
 """Temperatures at which bands are compared."""
+
+Estimated = ParameterSummary | TransformationSummary | NearestSummary
 
 
 def diff(
@@ -120,7 +127,7 @@ def _record(
     if a is None or b is None:
         return ComparedRecords(key=key, in_="b" if a is None else "a", same=False)
     names = list(dict.fromkeys([*a.parameters, *b.parameters]))
-    parameters = {n: _parameter(a.parameters.get(n), b.parameters.get(n)) for n in names}
+    parameters = _parameters(a, b)
     bands = {c: _band(runs, units, (a, b), c) for c in a.quantities if c in b.quantities}
     ends = list(dict.fromkeys([*a.transformation, *b.transformation]))
     temperatures = {n: _parameter(a.transformation.get(n), b.transformation.get(n)) for n in ends}
@@ -151,6 +158,23 @@ def _record(
     )  # fmt: skip
 
 
+def _parameters(a: RecordSummary, b: RecordSummary) -> dict[str, ComparedParameter]:
+    """Parameters of both, by name.
+
+    Of two models A3 is not the same thing: those of the published curve nearest to either are compared, and what a
+    model has beside them has no counterpart.
+    """
+    of_a: dict[str, Estimated] = {**a.parameters}
+    of_b: dict[str, Estimated] = {**b.parameters}
+    if a.model != b.model:
+        of_a, of_b = ({**_of_noise(r), **r.nearest} for r in (a, b))
+    return {n: _parameter(of_a.get(n), of_b.get(n)) for n in dict.fromkeys([*of_a, *of_b])}
+
+
+def _of_noise(r: RecordSummary) -> dict[str, Estimated]:
+    return {n: p for n, p in r.parameters.items() if p.of_noise}
+
+
 def _alike(a: Mapping[str, Any] | None, b: Mapping[str, Any] | None) -> bool:
     """Whether priors are the same, but for the last digits of what the least-squares fit leaves."""
     if a is None or b is None or a.keys() != b.keys():
@@ -168,9 +192,7 @@ def _settings(r: RecordSummary, units: Shown) -> dict[str, float]:
     return {name: units[name].factor * v if name in units else v for name, v in r.settings.items()}
 
 
-def _parameter(
-    a: ParameterSummary | TransformationSummary | None, b: ParameterSummary | TransformationSummary | None
-) -> ComparedParameter:
+def _parameter(a: Estimated | None, b: Estimated | None) -> ComparedParameter:
     """Medians with intervals of either run, and how far b is from a in standard deviations of the wider posterior."""
     known = a or b
     first, second = _of_run(a), _of_run(b)
@@ -181,9 +203,9 @@ def _parameter(
     return ComparedParameter(unit=known.unit if known else "", a=first, b=second, shift=shift)
 
 
-def _of_run(p: ParameterSummary | TransformationSummary | None) -> ParameterOfRun | None:
-    """A temperature is as uncertain as its interval says."""
-    if not isinstance(p, TransformationSummary):
+def _of_run(p: Estimated | None) -> ParameterOfRun | None:
+    """What has no standard deviation is as uncertain as its interval says."""
+    if p is None or isinstance(p, ParameterSummary):
         return None if p is None else ParameterOfRun.about(p)
     sd = None if p.q05 is None or p.q95 is None else (p.q95 - p.q05) / NORMAL_90
     return ParameterOfRun(median=p.median, q05=p.q05, q95=p.q95, sd=sd)

@@ -24,7 +24,9 @@ from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.least_squares import LeastSquares, least_squares_at
 from sma_bayes.progress import Progress, silent
 from sma_bayes.records.types import Record
+from sma_bayes.runs.declared_units import Shown, shown_units
 from sma_bayes.runs.fit_document import FitFindings, RecordSummary, SelfCheckSummary
+from sma_bayes.runs.shown import in_shown_units
 from sma_bayes.runs.store import write_posterior
 from sma_bayes.studies.ask.workflow import PROBABILITY, FitSource, Question, ask
 from sma_bayes.studies.fit.summary import record_summary
@@ -94,6 +96,15 @@ class RecordFit(Fit):
         return found if self.self_check is None else found.but(self_check=self.self_check)
 
     @cached_property
+    def _units(self) -> Shown:
+        return shown_units([self.record])
+
+    @property
+    def _shown(self) -> RecordSummary:
+        """What the summary says, in the units in which the measurements were declared."""
+        return in_shown_units(_summary_of([self]), self._units).records[0]
+
+    @cached_property
     def document(self) -> dict[str, Any]:
         """The same as JSON has it."""
         return self.summarised.as_json()
@@ -105,11 +116,18 @@ class RecordFit(Fit):
         theta = self.warm_start.theta
         return least_squares_at(posterior.records, posterior.model, theta, posterior.sampled_model)
 
-    def summary(self) -> pd.DataFrame:
-        """Parameters with their units, medians, intervals and diagnostics, one a row."""
+    def summary(self, *, declared: bool = False) -> pd.DataFrame:
+        """Parameters with their units, medians, intervals and diagnostics, one a row.
+
+        Parameters
+        ----------
+        declared : bool
+            Whether they are in the units in which the measurements were declared, such as mm, and not in those of
+            ``summary.json``.
+        """
         import pandas as pd
 
-        parameters = self.summarised.parameters
+        parameters = (self._shown if declared else self.summarised).parameters
         rows = [[getattr(p, name) for name in SHOWN] for p in parameters.values()]
         return pd.DataFrame(rows, index=pd.Index(list(parameters), name="parameter"), columns=list(SHOWN))
 
@@ -147,7 +165,12 @@ class RecordFit(Fit):
         return pd.DataFrame(found.columns(self.record.units["temperature"]))
 
     def values(
-        self, channel: str, temperature: npt.ArrayLike, *, probability: float = PROBABILITY
+        self,
+        channel: str,
+        temperature: npt.ArrayLike,
+        *,
+        probability: float = PROBABILITY,
+        declared: bool = False,
     ) -> pd.DataFrame:
         """A channel at given temperatures: interval of the curve, and of a new reading.
 
@@ -158,12 +181,16 @@ class RecordFit(Fit):
             [unit of temperature of the record]; beyond what was observed the curve is extrapolated, and marked.
         probability : float
             That the intervals hold [1].
+        declared : bool
+            Whether the channel is in the unit in which the measurements were declared, such as N/mm, and not in that of
+            ``summary.json``. Temperatures are the same either way.
 
         Returns
         -------
         pandas.DataFrame
             A row for each temperature: ``low``, ``median``, ``high``, ``pred_low``, ``pred_median``, ``pred_high`` (NaN
-            where the channel was not measured itself) [unit of the channel, ``attrs["unit"]``] and ``extrapolated``.
+            where the channel was not measured itself) [``unit``, also ``attrs["unit"]``], ``extrapolated`` and
+            ``unit``.
 
         Raises
         ------
@@ -193,27 +220,37 @@ class RecordFit(Fit):
         for name in ("low", "median", "high"):
             columns[f"pred_{name}"] = np.full(at.size, np.nan) if new is None else getattr(new, name)
         beyond = (at < observed.min()) | (at > observed.max())
-        frame = pd.DataFrame(columns, index=pd.Index(at, name="temperature")).assign(extrapolated=beyond)
-        frame.attrs["unit"] = self.summarised.quantities[channel].unit
-        return frame
+        unit = self.summarised.quantities[channel].unit
+        shown = self._units.get(self.record.quantity(channel)) if declared else None
+        if shown is not None:
+            columns, unit = {name: shown.values(y) for name, y in columns.items()}, shown.shown
+        frame = pd.DataFrame(columns, index=pd.Index(at, name="temperature"))
+        frame.attrs["unit"] = unit
+        return frame.assign(extrapolated=beyond, unit=unit)
 
-    def stiffness(self, temperature: npt.ArrayLike, *, probability: float = PROBABILITY) -> pd.DataFrame:
+    def stiffness(
+        self, temperature: npt.ArrayLike, *, probability: float = PROBABILITY, declared: bool = False
+    ) -> pd.DataFrame:
         """Stiffness, or the modulus of a specimen, at given temperatures; see `values`."""
-        return self.values("stiffness", temperature, probability=probability)
+        return self.values("stiffness", temperature, probability=probability, declared=declared)
 
-    def force(self, temperature: npt.ArrayLike, *, probability: float = PROBABILITY) -> pd.DataFrame:
+    def force(
+        self, temperature: npt.ArrayLike, *, probability: float = PROBABILITY, declared: bool = False
+    ) -> pd.DataFrame:
         """Force, or the stress of a specimen, at given temperatures; see `values`."""
-        return self.values("force", temperature, probability=probability)
+        return self.values("force", temperature, probability=probability, declared=declared)
 
-    def displacement(self, temperature: npt.ArrayLike, *, probability: float = PROBABILITY) -> pd.DataFrame:
+    def displacement(
+        self, temperature: npt.ArrayLike, *, probability: float = PROBABILITY, declared: bool = False
+    ) -> pd.DataFrame:
         """Displacement, or the strain of a specimen, at given temperatures; see `values`."""
-        return self.values("displacement", temperature, probability=probability)
+        return self.values("displacement", temperature, probability=probability, declared=declared)
 
     def ask(self, **question: Unpack[Question]) -> dict[str, Any]:
         """Answer what `sma_bayes.ask` answers of a folder, with the same arguments."""
         return Fits({self.record.key: self}).ask(**question)
 
-    def plot(self, channel: str | None = None, *, ax: Axes | None = None) -> Axes:
+    def plot(self, channel: str | None = None, *, ax: Axes | None = None, declared: bool = True) -> Axes:
         """Draw measurements and credible bands of a channel against temperature.
 
         Parameters
@@ -222,6 +259,9 @@ class RecordFit(Fit):
             The first observed one by default.
         ax : matplotlib.axes.Axes, optional
             Where to draw; the current axes of pyplot by default.
+        declared : bool
+            Whether in the units in which the measurements were declared, as reports have them, or in those of
+            ``summary.json``.
 
         Returns
         -------
@@ -236,7 +276,9 @@ class RecordFit(Fit):
 
         channel = self.record.channels[0] if channel is None else channel
         self._require(channel)
-        return draw_band(self.record, credible_band(self, channel, self.index), ax)
+        return draw_band(
+            self.record, credible_band(self, channel, self.index), ax, self._units if declared else {}
+        )
 
     def _require(self, channel: str) -> None:
         known = band_channels(self.record)
@@ -254,7 +296,7 @@ class RecordFit(Fit):
         )
 
     def _repr_html_(self) -> str:
-        table = self.summary()[["unit", "median", "q05", "q95", "identified"]].to_html(
+        table = self.summary(declared=True)[["unit", "median", "q05", "q95", "identified"]].to_html(
             float_format="{:.5g}".format
         )
         state = "converged" if self.converged else "<strong>not converged</strong>"
@@ -265,11 +307,12 @@ class RecordFit(Fit):
 class Fits(dict[str, RecordFit]):
     """Fits of a campaign by the keys of their records, ``<condition>-<branch>``."""
 
-    def summary(self) -> pd.DataFrame:
-        """Parameters of all records, by record and parameter."""
+    def summary(self, *, declared: bool = False) -> pd.DataFrame:
+        """Parameters of all records, by record and parameter; see `RecordFit.summary`."""
         import pandas as pd
 
-        return pd.concat({key: fit.summary() for key, fit in self.items()}, names=["record", "parameter"])
+        tables = {key: fit.summary(declared=declared) for key, fit in self.items()}
+        return pd.concat(tables, names=["record", "parameter"])
 
     def ask(self, **question: Unpack[Question]) -> dict[str, Any]:
         """Answer what `sma_bayes.ask` answers of a folder, with the same arguments."""
@@ -284,15 +327,7 @@ class Fits(dict[str, RecordFit]):
         return sensitivity_of(self._source(), at, seed, jobs)
 
     def _source(self) -> FitSource:
-        first = next(iter(self.values()))
-        records = tuple(fit.summarised for fit in self.values())
-        summary = FitFindings(
-            schema="sma-bayes/fit/1",
-            seed=first.seed,
-            converged=all(r.converged for r in records),
-            adequate=all(r.adequate for r in records),
-            records=records,
-        )
+        summary = _summary_of(list(self.values()))
 
         def draws(entry: RecordSummary) -> RecordDraws:
             fit = self[entry.key]
@@ -305,6 +340,18 @@ class Fits(dict[str, RecordFit]):
 
     def _repr_html_(self) -> str:
         return "".join(fit._repr_html_() for fit in self.values())
+
+
+def _summary_of(fits: Sequence[RecordFit]) -> FitFindings:
+    """What ``summary.json`` says of some records."""
+    records = tuple(fit.summarised for fit in fits)
+    return FitFindings(
+        schema="sma-bayes/fit/1",
+        seed=fits[0].seed,
+        converged=all(r.converged for r in records),
+        adequate=all(r.adequate for r in records),
+        records=records,
+    )
 
 
 @contextmanager

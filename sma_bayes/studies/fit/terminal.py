@@ -56,7 +56,7 @@ def show_fit(summary: dict[str, Any], out: Path) -> None:
     for r in records:
         sampled = [p for p in r.parameters.values() if p.rhat is not None]
         prior_driven = [n for n, p in r.parameters.items() if p.prior_driven and not p.of_noise]
-        factors = ", ".join(f"{r.quantities[c].name} {_number(_factor(r, c))}" for c in r.correlation)
+        factors = ", ".join(f"{r.quantities[c].name} {_number(factor_of(r, c))}" for c in r.correlation)
         cells = (
             r.key,
             str(r.n),
@@ -122,7 +122,7 @@ def _slowest(failed: Sequence[RecordSummary]) -> str:
     return f"worst is {name} of {r.key} ({r.parameters[name].shortfall}); "
 
 
-def _factor(r: RecordSummary, channel: str) -> float | None:
+def factor_of(r: RecordSummary, channel: str) -> float | None:
     """Correlation factor of the curve of the model, without what stands beside it."""
     alone = r.fit.get(channel)
     return r.correlation[channel]["r"].median if channel not in r.discrepancy or alone is None else alone.r

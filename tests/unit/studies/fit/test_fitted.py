@@ -87,6 +87,18 @@ def test_values_at_temperatures_lie_in_the_bands(fits: sma_bayes.Fits) -> None:
     )
 
 
+def test_numbers_say_their_unit_and_are_told_as_declared_if_asked(fits: sma_bayes.Fits) -> None:
+    fit = fits["data-heating"]
+    stored, declared = fit.stiffness(50.0), fit.stiffness(50.0, declared=True)
+    assert (stored["unit"].item(), declared["unit"].item()) == ("N/m", "N/mm")
+    assert declared["median"].item() == pytest.approx(1e-3 * stored["median"].item(), rel=1e-9)
+    assert fit.force(50.0, declared=True)["unit"].item() == "N"
+    table = fits.summary(declared=True)
+    assert table.loc[("data-heating", "A1"), "unit"] == "mm"
+    assert table.loc[("data-heating", "A1"), "median"] == pytest.approx(20.0, abs=0.5)
+    assert "<td>mm</td>" in fit._repr_html_()
+
+
 def test_what_is_asked_of_a_fit_and_of_a_folder_is_one_answer(fits: sma_bayes.Fits, folder: Path) -> None:
     for question in ({"at": ["50 degC", "140 degF"]}, {"stiffness": "0.12 N/mm"}):
         stored = sma_bayes.ask(folder, branch="heating", **question)["answers"]
@@ -114,7 +126,12 @@ def test_a_plot_goes_on_given_axes(fits: sma_bayes.Fits) -> None:
     for key in fits:
         assert fits[key].plot("displacement", ax=ax) is ax
     assert ax.get_xlabel() == "temperature [°C]"
-    assert ax.get_ylabel() == "displacement [m]"
+    assert ax.get_ylabel() == "displacement [mm]"
+    curve = next(line for line in ax.lines if line.get_label() == "data-heating")
+    assert curve.get_ydata().max() == pytest.approx(21.0, abs=0.5)
+    bare = fits["data-heating"].plot("displacement", ax=Figure().subplots(), declared=False)
+    assert bare.get_ylabel() == "displacement [m]"
+    assert bare.lines[0].get_ydata().max() == pytest.approx(0.021, abs=5e-4)
     assert {line.get_label() for line in ax.lines} >= set(fits)
 
 

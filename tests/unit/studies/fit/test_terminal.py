@@ -7,10 +7,11 @@ from typing import Any
 
 import pytest
 
-from sma_bayes.assess.adequacy import SENTENCES, Reason, remedy
+from sma_bayes.assess.adequacy import SENTENCES, DiscrepancySummary, Reason, remedy
 from sma_bayes.report.screen import Screen
 from sma_bayes.runs.fit_document import (
     FitSummary,
+    GoodnessSummary,
     Measure,
     NoiseSummary,
     OptionsSummary,
@@ -21,7 +22,7 @@ from sma_bayes.runs.fit_document import (
 from sma_bayes.runs.schema import Factor, Workers
 from sma_bayes.studies.fit import terminal as fit
 from sma_bayes.studies.fit.inadequate import KINDS
-from sma_bayes.studies.fit.terminal import adequacy_sentences
+from sma_bayes.studies.fit.terminal import adequacy_sentences, factor_of
 
 PLAIN = OptionsSummary(model="modified_sigmoid", noise="independent")
 
@@ -105,6 +106,16 @@ def test_kinds_are_told_apart() -> None:
     found = adequacy_sentences(records, PLAIN)
     assert [s.partition(":")[0].split()[-1] for s in found] == ["a", "b", "c"]
     assert len(set(found)) == 3
+
+
+def test_a_correlation_is_that_of_the_model_where_a_discrepancy_stands_beside_it() -> None:
+    factor = {"displacement": {"r": Factor(q05=0.9, median=0.9999963, q95=1.0, undefined=0.0)}}
+    alone = {"displacement": GoodnessSummary(sse=1.0, rmse=1.0, r2=0.64, adj_r2=0.6, n=9, p=4)}
+    beside = DiscrepancySummary(unit="1", rms=0.1, largest=0.2, at=50.0, share=0.1, ln_bayes_factor=9.0)
+    plain = record("100MPa-heating", correlation=factor, fit=alone)
+    assert factor_of(plain, "displacement") == 0.9999963
+    missed = record("100MPa-heating", correlation=factor, fit=alone, discrepancy={"displacement": beside})
+    assert factor_of(missed, "displacement") == pytest.approx(0.8)
 
 
 @pytest.mark.parametrize("width", [80, 160])
