@@ -29,7 +29,7 @@ from sma_bayes.studies.gap.noise import (
     whiten,
     whiten_residual,
 )
-from sma_bayes.studies.gap.noise_estimate import noise_of
+from sma_bayes.studies.gap.noise_estimate import is_shorter, noise_of, remembers
 
 MODE_TOLERANCE = 5e-3
 """Gain of the log posterior in a step below which the mode is found, where residuals are as large as the noise.
@@ -435,3 +435,23 @@ class _PosteriorMode:
             log_likelihood=likelihood,
             ln_evidence=likelihood + prior + z.size * HALF_LN_2PI - volume,
         )
+
+
+def in_steady_noise(fitted: FittedHypothesis) -> FittedHypothesis | None:
+    """A model with noise whose memory neither one cycle unlike the others nor jumps have made.
+
+    It is asked for where nothing is seen beside noise as it was estimated, and where jumps are held against effects. It
+    would be no better in general: what a curve of another shape leaves at a few steep places is as well described by
+    jumps.
+
+    Returns
+    -------
+    FittedHypothesis or None
+        None where that noise is not another.
+    """
+    mechanical = [n for b, n in zip(fitted.blocks, fitted.noise, strict=True) if b.channel != "temperature"]
+    if fitted.hypothesis.steady_noise or not any(map(remembers, mechanical)):
+        return None
+    found = fit_with_noise(replace(fitted.hypothesis, steady_noise=True), fitted.z)
+    shorter = any(is_shorter(new, old) for new, old in zip(found.noise, fitted.noise, strict=True))
+    return found if shorter else None

@@ -19,7 +19,7 @@ from scipy.special import gammaln
 
 from sma_bayes.arrays import Bools, Floats
 from sma_bayes.studies.gap.finite import STRONG_LN_BAYES_FACTOR
-from sma_bayes.studies.gap.fitting import FittedHypothesis, fit_hypothesis
+from sma_bayes.studies.gap.fitting import FittedHypothesis, fit_hypothesis, in_steady_noise
 from sma_bayes.studies.gap.flexible import (
     FlexibleTerms,
     beyond_shape,
@@ -31,6 +31,8 @@ from sma_bayes.studies.gap.flexible import (
 from sma_bayes.studies.gap.noise import ChannelBlock
 from sma_bayes.studies.gap.noise_estimate import noise_of
 
+LEAST_SHARE_OF_JUMPS = 0.5
+"""Share of what an effect explains that jumps must explain to be its rivals."""
 JUMPS_OF_A_CONDITION = 4
 """Jumps of a condition, at most, on average over all of them."""
 COARSE_PLACES = 40
@@ -98,12 +100,17 @@ class Jumps:
         """The jumps as they are told: in the noise that is left beside them, where that is smaller."""
         return (self.in_own_noise or self).found
 
+    def are_rivals_of(self, explained: float) -> bool:
+        """Whether they explain so much of what an effect does, or noise remembers for less beside them.
+
+        A jump that is not in the model passes for noise in part, and for a long memory, beside which it counts little,
+        and less where tails are heavy.
+        """
+        return self.worth >= LEAST_SHARE_OF_JUMPS * explained or self._in_steady_noise is not None
+
     @cached_property
     def in_own_noise(self) -> Jumps | None:
-        """Jumps in the same model with the noise that is left beside these; None where that is not smaller.
-
-        A jump that is not in the model passes for noise in part, and for a long memory, beside which it counts little.
-        """
+        """Jumps in the same model with the noise that is left beside these; None where that is not smaller."""
         fitted = self.fitted
         residual = fitted.residual.copy()
         for jump in self.found:
@@ -111,8 +118,13 @@ class Jumps:
         noise = noise_of(fitted.hypothesis, fitted.blocks, residual, fitted.theta)
         smaller = sum(a.log_scale - b.log_scale for a, b in zip(fitted.noise, noise, strict=True))
         if not self.found or smaller < STRONG_LN_BAYES_FACTOR:
-            return None
+            return self._in_steady_noise
         return Jumps(fit_hypothesis(fitted.hypothesis, fitted.z, noise), self.within_cycles)
+
+    @cached_property
+    def _in_steady_noise(self) -> Jumps | None:
+        steady = in_steady_noise(self.fitted)
+        return None if steady is None else Jumps(steady, self.within_cycles)
 
     @cached_property
     def _flexible(self) -> FlexibleTerms:

@@ -83,8 +83,6 @@ MAX_LOSS_IN_BELIEVABLE_RANGE = 0.01
 plain to see tells its numbers from the next ones by far more than `LEAST_LN_BAYES_FACTOR`."""
 LEAST_SHARE_FOR_OWN_NOISE = 0.5
 """Share that an effect must carry to be judged by the noise beside it as well."""
-LEAST_SHARE_OF_JUMPS = 0.5
-"""Share of what an effect explains that jumps must explain to be its rivals."""
 CANCELLING_SIZE = 2.0
 """What an effect adds to a channel over all that was measured of it, beyond which it can only cancel something else."""
 MAX_REFITS = 6
@@ -584,7 +582,7 @@ def judged(
     if not found.beats_shape:
         return found
     jumps = rivals.jumps_within_cycles if members_of(screened.effect) else rivals.jumps
-    if jumps.worth < LEAST_SHARE_OF_JUMPS * gained:
+    if not jumps.are_rivals_of(gained):
         return found
     explained = beside.beyond_shape + beside.rest_beyond_shape
     return replace(found, over_jumps=jumps.evidence_over(extended, explained))

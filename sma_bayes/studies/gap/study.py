@@ -26,6 +26,7 @@ from sma_bayes.studies.gap.fitting import (
     added_by,
     fit_hypothesis,
     fit_with_noise,
+    in_steady_noise,
     remembers_long,
 )
 from sma_bayes.studies.gap.flexible import FlexibleTerms, gains, offer, terms_of, worth_of
@@ -34,7 +35,6 @@ from sma_bayes.studies.gap.jumps import Jump, Jumps
 from sma_bayes.studies.gap.locate import SHUFFLES, Disagreement, DisagreementTest, disagreements, look
 from sma_bayes.studies.gap.name import (
     LEAST_LN_BAYES_FACTOR,
-    LEAST_SHARE_OF_JUMPS,
     MAX_REFITS,
     MISFIT_LN_BAYES_FACTOR,
     MOST_SHARE_OF_FORM,
@@ -48,7 +48,6 @@ from sma_bayes.studies.gap.name import (
     share_of,
     signature_at_mode,
 )
-from sma_bayes.studies.gap.noise_estimate import is_shorter, remembers
 from sma_bayes.studies.gap.one_stage import OneStageShapes
 from sma_bayes.studies.gap.scatter import (
     LEAST_SHARE_OF_LAW,
@@ -316,25 +315,6 @@ def study_from(
     )
 
 
-def in_steady_noise(fitted: FittedHypothesis) -> FittedHypothesis | None:
-    """A model with noise whose memory neither one cycle unlike the others nor jumps have made.
-
-    It is asked for where nothing is seen beside noise as it was estimated. It would be no better in general: what a
-    curve of another shape leaves at a few steep places is as well described by jumps.
-
-    Returns
-    -------
-    FittedHypothesis or None
-        None where that noise is not another.
-    """
-    mechanical = [n for b, n in zip(fitted.blocks, fitted.noise, strict=True) if b.channel != "temperature"]
-    if not any(map(remembers, mechanical)):
-        return None
-    found = fit_with_noise(replace(fitted.hypothesis, steady_noise=True), fitted.z)
-    shorter = any(is_shorter(new, old) for new, old in zip(found.noise, fitted.noise, strict=True))
-    return found if shorter else None
-
-
 def _jumps_instead_of(current: FittedHypothesis) -> dict[str, tuple[Jump, ...]]:
     """Jumps that surely explain more than an effect does beside all others of a model, by the effect.
 
@@ -344,7 +324,7 @@ def _jumps_instead_of(current: FittedHypothesis) -> dict[str, tuple[Jump, ...]]:
     for effect in current.hypothesis.effects:
         rest = _without(current, effect)
         jumps = Jumps(rest, within_cycles=bool(members_of(effect)))
-        if jumps.worth < LEAST_SHARE_OF_JUMPS * (current.ln_evidence - rest.ln_evidence):
+        if not jumps.are_rivals_of(current.ln_evidence - rest.ln_evidence):
             continue
         over = jumps.evidence_over(current, offer(current).explained_beyond_shape(offer(rest)))
         if over <= -LEAST_LN_BAYES_FACTOR:

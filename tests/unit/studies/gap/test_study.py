@@ -13,7 +13,7 @@ from sma_bayes.parameters.priors_file import read_priors
 from sma_bayes.records.history import History, histories
 from sma_bayes.records.types import Branch, Campaign, Condition, Record
 from sma_bayes.simulated.rig import DEFAULT_RIG, GRAVITY, Setup, logged, ramp
-from sma_bayes.studies.gap.fitting import fit_hypothesis, fit_with_noise
+from sma_bayes.studies.gap.fitting import fit_hypothesis, fit_with_noise, in_steady_noise
 from sma_bayes.studies.gap.flexible import Term, TermWorth
 from sma_bayes.studies.gap.hypothesis import baseline
 from sma_bayes.studies.gap.name import (
@@ -37,7 +37,6 @@ from sma_bayes.studies.gap.study import (
     baseline_start,
     beside_the_others,
     heat_balance,
-    in_steady_noise,
     is_worthy,
     least_by_channel,
     study_campaign,
