@@ -208,7 +208,7 @@ def reasons(
             )
             what = (
                 f"{r.quantity(channel)} by {share} its range, at {m.at:.4g} {unit_text(r.units['temperature'])}; "
-                "what it misses is in all bands"
+                "a smooth discrepancy for it is in all bands"
             )
             out.append(_reason("curve", channel, what))
     out += [

@@ -181,7 +181,7 @@ def _next_steps(content: Content) -> Iterator[str]:
         yield f"Don't use {_names(content.unconverged)}: not converged. Section 3.1 says which parameter"
     yield from _differing_sweeps(content)  # which alone may make a fit inadequate
     options = content.document.options
-    for group in reason_groups(r.document for r in content.inadequate):
+    for group in reason_groups((r.document for r in content.inadequate), len(content.records)):
         yield f"{group.names}: {group.quoted}; {remedy(group.kind, options.model, options.noise)}"
     for lack, advice in LACKS.items():
         lacking = [

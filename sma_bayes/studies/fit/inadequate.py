@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Final
 
@@ -63,15 +63,16 @@ KINDS: Final = {
 
 @dataclass(frozen=True, slots=True)
 class ReasonGroup:
-    """Records whose first reason is of one kind."""
+    """Records whose first reason is of one kind, of a number of records in all."""
 
     kind: str
     records: tuple[RecordSummary, ...]
+    total: int
 
     @property
     def names(self) -> str:
-        """The first records by name, and how many more there are."""
-        return first_of([r.key for r in self.records], RECORDS_NAMED)
+        """What the records are called in a sentence."""
+        return records_named(self.records, self.total)
 
     @property
     def quoted(self) -> str:
@@ -88,10 +89,24 @@ class ReasonGroup:
         return ("" if alike else which) + worst.why[0].message
 
 
-def reason_groups(records: Iterable[RecordSummary]) -> tuple[ReasonGroup, ...]:
-    """Records that are not adequate by the kind of their first reason; empty where all are adequate."""
+def records_named(records: Sequence[RecordSummary], total: int) -> str:
+    """The first of some records by name, and how many more there are; where it is all of many, that."""
+    if RECORDS_NAMED < len(records) == total:
+        return f"all {total} records"
+    return first_of([r.key for r in records], RECORDS_NAMED)
+
+
+def reason_groups(records: Iterable[RecordSummary], total: int) -> tuple[ReasonGroup, ...]:
+    """Records that are not adequate by the kind of their first reason; empty where all are adequate.
+
+    Parameters
+    ----------
+    records : iterable of RecordSummary
+    total : int
+        How many records the run has.
+    """
     kinds: dict[str, list[RecordSummary]] = {}
     for r in records:
         if r.why:
             kinds.setdefault(r.why[0].kind, []).append(r)
-    return tuple(ReasonGroup(kind, tuple(found)) for kind, found in kinds.items())
+    return tuple(ReasonGroup(kind, tuple(found), total) for kind, found in kinds.items())

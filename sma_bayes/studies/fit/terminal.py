@@ -18,7 +18,7 @@ from sma_bayes.records.plausibility import DOUBTS
 from sma_bayes.report.choice import CAMPAIGN_REPORT_ABOVE
 from sma_bayes.report.screen import ENTRIES_SHOWN, screen, show_end, what_helps
 from sma_bayes.runs.fit_document import TARGET, FitSummary, OptionsSummary, RecordSummary
-from sma_bayes.studies.fit.inadequate import KINDS, RECORDS_NAMED, reason_groups
+from sma_bayes.studies.fit.inadequate import KINDS, RECORDS_NAMED, reason_groups, records_named
 
 COLUMNS = (
     "record", "n", "noise", "converged", "adequate", "worst R-hat", "least ESS", "r", "not identified"
@@ -160,7 +160,7 @@ def adequacy_sentences(records: Sequence[RecordSummary], options: OptionsSummary
     return [
         f"{KINDS[group.kind].subject.format(records=group.names)}: {group.quoted}; "
         f"{remedy(group.kind, options.model, options.noise)}."
-        for group in reason_groups(records)
+        for group in reason_groups(records, len(records))
     ]
 
 
@@ -180,7 +180,7 @@ def thermometer_sentences(records: Sequence[RecordSummary]) -> list[str]:
     unit = unit_text(estimated[0].unit)
     size = f"{min(sizes):.2g}" if len(sizes) == 1 else f"{min(sizes):.2g} to {max(sizes):.2g}"
     return [
-        f"The scatter of {first_of([r.key for r in seen], RECORDS_NAMED)} follows the slope of the curve, as an error "
+        f"The scatter of {records_named(seen, len(records))} follows the slope of the curve, as an error "
         f"of the thermometer of {size} {unit} from reading to reading makes it; intervals count it. Where its size is "
         "known, declare it: `sd = ...` with the column of temperature."
     ]

@@ -85,10 +85,12 @@ def test_many_records_are_counted_and_the_reason_quoted_is_that_of_the_worst() -
         )
         for i, share in enumerate((0.03, 0.05, 0.25, 0.08, 0.04))
     ]  # fmt: skip
-    (sentence,) = adequacy_sentences(records, PLAIN)
+    (sentence,) = adequacy_sentences([*records, record("5-heating")], PLAIN)
     assert sentence.startswith(
         "The curve does not describe 0-heating, 1-heating, 2-heating and 2 more: most of all 2-heating: reason 2;"
     )
+    (sentence,) = adequacy_sentences(records, PLAIN)
+    assert sentence.startswith("The curve does not describe all 5 records: most of all 2-heating: reason 2;")
 
 
 def test_a_reason_of_several_records_names_the_one_it_is_quoted_from() -> None:
