@@ -48,8 +48,8 @@ def path_remark(record: Record, noise_sd: dict[str, float], *, slope_supported: 
     if "force" in record.held:
         return PathRemark(
             kind="constant_load",
-            message=f"the rig is taken to hold the {force} constant: the slope {slope_text} of such a path is zero by "
-            f"construction and says nothing about the {tested}; only the {displacement} is fitted",
+            message=f"the {force} is taken as held: the slope {slope_text} of such a path tells how the rig held it, "
+            f"and nothing about the {tested}; only the {displacement} is fitted",
         )
     if "displacement" in record.held:
         return PathRemark(

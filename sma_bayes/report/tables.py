@@ -614,8 +614,8 @@ def check_table(records: Sequence[RecordContent]) -> Table:
         "the 5 % and 95 % quantile of replicated data. The p-value is the share of replications beyond the measured "
         "one; near 0 or 1 the model misses something. It comes in steps of "
         f"{1 / CHECK_DRAWS:.3g}. "
-        "Of sweeps left out it is exact: each is predicted from the others, the most different one "
-        "is measured, and all are paid for.",
+        "Of sweeps left out it is exact: each is predicted from the others, and the statistic is that of the most "
+        "different one; that it was picked among all is allowed for.",
         [
             (r, c, None if c.q05 is None or c.q95 is None else (c.q95 - c.q05) / 3.0)
             for r in records

@@ -125,8 +125,8 @@ class ComparedModel(DocumentPart):
     ln_evidence: NumberOrNull = Field(description="log evidence by the method of smaller error")
     ln_evidence_sd: NumberOrNull = Field(description="its Monte Carlo error")
     weight: NumberOrNull = Field(
-        description="stacking weight, by held-out densities, shared evenly by models that are one curve; 0 for one with "
-        "the numbers of another [1]"
+        description="stacking weight, by held-out densities, shared evenly by models that are one curve; 0 for one "
+        "with the numbers of another [1]"
     )
     rmse_held_out: InUnit[NumberOrNull] = Field(
         description="root mean square error of the median curve, predicted for held-out folds [`unit`]"

@@ -49,10 +49,10 @@ def _about_intervals(found: GapOfModel) -> list[str]:
     if found.readings_as_one is None:
         return []
     return [
-        "The model misses more than noise, or noise that hardly changes may hide it. So numbers of effects are those "
-        f"of least squares, and {found.readings_as_one:.3g} readings count as one in their intervals: what is missed "
-        "is reckoned with as chance that is as large and lasts as long. A bias that is the same in all records is not "
-        "in them."
+        "The model misses more than noise explains, or noise that remembers for long may hide what it misses. So "
+        f"numbers of effects are those of least squares, and {found.readings_as_one:.3g} readings count as one in "
+        "their intervals: what is missed is reckoned with as chance that is as large and lasts as long. A bias that is "
+        "the same in all records is not in them."
     ]
 
 

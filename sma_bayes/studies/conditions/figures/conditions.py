@@ -47,8 +47,8 @@ from sma_bayes.studies.conditions.schema import (
 from sma_bayes.studies.conditions.tables import named, setting_name, setting_text
 
 BOTH: Final = "#555555"
-BY_HAND: Final = {CURVES: ("#20643c", "--"), PARAMETERS: ("#6a3d9a", ":")}
-"""Colour and dashes of interpolation by hand."""
+BY_HAND: Final = {CURVES: ("#20643c", "--", "dashed"), PARAMETERS: ("#6a3d9a", ":", "dotted")}
+"""Colour and dashes of interpolation by hand, and what the dashes are called."""
 FEATURES_SHOWN: Final = (
     "least_stiffness", "greatest_stiffness", "stiffness_ratio", "steepest_stiffness", "greatest_slope",
     "midpoint", "As", "Af", "Ms", "Mf", "Rs", "Rf", "hysteresis_width", "peak_temperature",
@@ -274,7 +274,7 @@ def held_out_figure(stored: StoredConditions, condition: str) -> Drawing:
         _band(ax, columns, "hierarchical", COLOURS[h.branch])
         t = _temperature(columns)
         for name in (w for w in h.ways if w in BY_HAND):
-            colour, dashes = BY_HAND[name]
+            colour, dashes, _ = BY_HAND[name]
             ax.plot(t, columns[f"{name.replace(' ', '_')}_q50"], color=colour, ls=dashes, lw=1.1)
         if samples:
             y = samples["measured"]
@@ -301,13 +301,15 @@ def held_out_figure(stored: StoredConditions, condition: str) -> Drawing:
     ]
     _legend(figure, handles)
     first = held[0]
+    drawn = [f"{BY_HAND[w][2]}, {w}" for w in dict.fromkeys(ways)]
+    beside = f"; beside them by hand: {'; '.join(drawn)}" if drawn else ""
     note = "EXTRAPOLATES" if first.extrapolates else ""
     heading(figure, f"{condition} predicted from {len(first.from_)} others", note)
     return Drawing(
         stem=f"held-out-{condition}",
         caption=(
             f"{condition} was left out and predicted from {', '.join(first.from_)}: 90 % band of the curve and its "
-            "median, over what was measured there; dashed, interpolation by hand between the neighbours."
+            f"median, over what was measured there{beside}."
             + (PRIOR_LED if first.prior_led else "")
         ),
         alt="predicted bands over the measurements of a condition that was left out",

@@ -113,7 +113,8 @@ def test_positions_of_effects_follow_their_order(rig) -> None:
         names = [both.space.names[i] for i in both.effect_positions[effect.id]]
         assert names == [f"{effect.id}.{p.name}" for p in effect.parameters(both.scales)]
     fewer = both.with_effects(effects[1:])
-    assert fewer.space.names == (*hypothesis.space.names, "thermocouple_lag.tau", "stress_shift.c")
+    own = ("thermocouple_lag.tau", "thermocouple_lag.q", "thermocouple_lag.m", "stress_shift.c")
+    assert fewer.space.names == (*hypothesis.space.names, *own)
     assert both.with_effects([]).space.names == hypothesis.space.names
     np.testing.assert_array_equal(both.positions(1), np.arange(len(both.space.parameters)))
 
@@ -138,7 +139,8 @@ def test_the_last_effect_is_outermost(make_line, added) -> None:
 def test_a_batch_of_parameters_and_other_inputs(rig) -> None:
     hypothesis = model(rig, pooled=True).extended(EFFECTS["thermocouple_lag"])
     rng = np.random.default_rng(0)
-    theta = np.append(theta_of(model(rig, pooled=True)), 0.5) * (1.0 + 0.02 * rng.standard_normal((4, 17)))
+    theta = np.append(theta_of(model(rig, pooled=True)), [0.5, 0.05, 90.0])
+    theta = theta * (1.0 + 0.02 * rng.standard_normal((4, theta.size)))
     batch = hypothesis.predict(theta, 1)["force"]
     for k in range(4):
         np.testing.assert_allclose(batch[k], hypothesis.predict(theta[k], 1)["force"], rtol=1e-12)
