@@ -298,6 +298,11 @@ def _require_named(
         if bare := [h for h, name in headers if name not in taken and lacks_unit(h)]:
             named = ", ".join(map(repr, bare))
             remedy = f"write the unit behind the name, as in force_N or strain_percent ({named}); or {remedy}"
+        if not there and _split_decimals(table):
+            remedy = (
+                "every second column looks like the decimals of the one before: write points for decimal commas, or "
+                f"semicolons between columns; else {remedy}"
+            )
         if "temperature" not in columns:
             remedy += "; data without a temperature can't be used: the curves are functions of temperature"
         raise CampaignError(
@@ -306,6 +311,17 @@ def _require_named(
             expected=f"column names such as {', '.join(EXAMPLES)}; the file {what}",
             remedy=remedy,
         ) from None
+
+
+def _split_decimals(table: RawTable) -> bool:
+    """Whether every second column has digits alone, as many in all rows, as decimal commas between commas leave it."""
+    parts = [[str(cell).strip() for cell in cells] for cells in table.columns[1::2]]
+    return (
+        len(table.columns) % 2 == 0
+        and bool(parts)
+        and all(all(cell.isdigit() for cell in cells) and len(set(map(len, cells))) == 1 for cells in parts)
+        and any(len(cells[0]) > 1 for cells in parts)
+    )
 
 
 def _headless(table: RawTable) -> str:

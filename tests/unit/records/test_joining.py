@@ -225,6 +225,32 @@ def test_a_file_without_a_header_shows_how_it_begins(tmp_path: Path) -> None:
     assert "data without a temperature can't be used" in str(caught.value)
 
 
+def test_decimal_commas_between_commas_are_named(tmp_path: Path) -> None:
+    def cell(x: float) -> str:
+        return f"{x:.3f}".replace(".", ",")
+
+    rows = [",".join(map(cell, pair)) for pair in zip(T, F, strict=True)]
+    (tmp_path / "c.csv").write_text("\n".join(["temperature_C,force_N", *rows]), encoding="utf-8")
+    with pytest.raises(SmaBayesError, match="write points for decimal commas, or semicolons between columns"):
+        read_campaign(tmp_path / "c.csv")
+
+
+def test_a_spike_is_no_unit_that_is_wrong_and_a_stalled_clock_has_digits_enough(tmp_path: Path) -> None:
+    time, force = 0.5 * np.arange(T.size), F.copy()
+    force[len(F) // 3] = 2e9
+    time[50:60] = time[50]
+    write(tmp_path / "d.csv", {"time_s": time, "temperature_C": T, "force_N": force})
+    found = kinds(read_campaign(tmp_path / "d.csv"))
+    assert "spike" in found
+    assert "implausible" not in found
+    assert "the clock stood still for 9 of them on end" in found["repeated-time"]
+    coarse = {"time_s": np.repeat(np.arange(T.size), 3)[: T.size], "temperature_C": T, "force_N": 1e9 * F}
+    write(tmp_path / "e.csv", coarse)
+    found = kinds(read_campaign(tmp_path / "e.csv"))
+    assert "time has too few digits" in found["repeated-time"]
+    assert "implausible" in found
+
+
 def test_the_unit_that_was_meant(tmp_path: Path) -> None:
     write(tmp_path / "c.csv", {"T": T, "F": F})
     more = '[columns]\ntemperature = { name = "T", unit = "C" }\nforce = { name = "F", unit = "N" }'
