@@ -19,7 +19,7 @@ from sma_bayes.assess.at import credible_at, predictive_at
 from sma_bayes.assess.bands import band_channels, credible_band
 from sma_bayes.assess.correlation import correlation_factors
 from sma_bayes.assess.draws import RecordDraws, record_draws
-from sma_bayes.errors import MeasurementError, SmaBayesError
+from sma_bayes.errors import MeasurementError, SmaBayesError, UnknownNameError, near_matches
 from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.least_squares import LeastSquares, least_squares_at
 from sma_bayes.progress import Progress, silent
@@ -304,8 +304,15 @@ class RecordFit(Fit):
         return f"<p>{self.record.key}: {self.record.n} samples, {state}, {described}</p>{table}"
 
 
+class UnknownRecordError(UnknownNameError, KeyError):
+    """A campaign has no such record."""
+
+
 class Fits(dict[str, RecordFit]):
     """Fits of a campaign by the keys of their records, ``<condition>-<branch>``."""
+
+    def __missing__(self, key: object) -> RecordFit:
+        raise UnknownRecordError(f"there is no fit of {key!r}", remedy=near_matches(str(key), self))
 
     def summary(self, *, declared: bool = False) -> pd.DataFrame:
         """Parameters of all records, by record and parameter; see `RecordFit.summary`."""

@@ -121,6 +121,13 @@ def test_inference_data_has_the_groups_of_the_files(fits: sma_bayes.Fits, folder
         assert "force" in ours[group]
 
 
+def test_a_record_that_is_not_there_names_those_that_are(fits: sma_bayes.Fits) -> None:
+    with pytest.raises(KeyError, match="there is no fit of 'data-heatin'") as caught:
+        fits["data-heatin"]
+    assert "did you mean 'data-heating'" in str(caught.value)
+    assert fits.get("data-heatin") is None
+
+
 def test_a_plot_goes_on_given_axes(fits: sma_bayes.Fits) -> None:
     ax = Figure().subplots()
     for key in fits:
