@@ -470,7 +470,11 @@ def _regressed(x: Floats, y: Floats) -> Floats:
 
 @dataclass(frozen=True, slots=True)
 class _StrainLaw:
-    """H(s) with H_min >= 0, under its priors; coordinates: root of H_min, log H_max, log k."""
+    """H(s) with 0 <= H_min < H_max, under its priors.
+
+    Coordinates: the root of H_min over H_max less H_min, log H_max, log k. H_min nears H_max without a bound at which
+    least squares would stay.
+    """
 
     stress: Floats
     top: float
@@ -478,7 +482,7 @@ class _StrainLaw:
 
     def constants(self, z: Floats) -> tuple[Floats, Floats, Floats]:
         most = np.exp(np.clip(z[1], -12.0, 1.0))
-        least = np.minimum(z[0] ** 2 * self.largest, most)
+        least = most * z[0] ** 2 / (1.0 + z[0] ** 2)
         return np.asarray(least), np.asarray(most), np.asarray(np.exp(np.clip(z[2], -6.0, 6.0)) / self.top)
 
     def strain(self, z: Floats) -> Floats:
