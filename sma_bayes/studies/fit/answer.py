@@ -156,7 +156,7 @@ def belief(r: RecordContent) -> str:
     )
     if not r.adequate:
         return ": ".join(("with care", *(reason.message for reason in r.document.why[:1]))) + unsupported
-    if r.document.path.kind in RIG_PATHS:
+    if r.document.path.kind in RIG_PATHS and r.channel("stiffness") is not None:
         return f"yes, but the slope is that of the rig{unsupported}"
     return f"yes{unsupported}"
 

@@ -202,6 +202,10 @@ def test_a_slope_that_is_the_rigs_is_said_to_be_and_no_temperature_is_looked_for
     )
     flat = replace(content, records=straight)
     assert all(belief(r) == "yes, but the slope is that of the rig" for r in straight)
+    held = [
+        replace(r, channels=tuple(c for c in r.channels if c.channel == "displacement")) for r in straight
+    ]
+    assert {belief(r) for r in held} == {"yes"}, "no slope is told of them"
     assert not [s for s in next_steps(flat) if "sma-bayes ask" in s]
     assert [s for s in next_steps(content) if "sma-bayes ask" in s]
 
