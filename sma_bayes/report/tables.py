@@ -282,7 +282,7 @@ def correlation_table(records: Sequence[RecordContent]) -> Table:
         + beside
         * " The curves are those that are plotted, with the discrepancy beside the model. The last column is r of the "
         "model alone at least squares, as the paper states it. Adjusted R² counts the parameters of the model, not "
-        "what the discrepancy takes up.",
+        "what the discrepancy beside it takes up.",
         [
             (r, c, which, found)
             for r in records

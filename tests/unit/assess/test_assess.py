@@ -262,7 +262,7 @@ def test_what_the_rig_makes_of_the_path() -> None:
     )
     remark = path_remark(dead, {"displacement": 1e-5})
     assert remark.kind == "constant_load"
-    assert "hold the force constant" in remark.message
+    assert "the force is taken as held" in remark.message
 
 
 def test_the_slope_of_a_straight_path_is_told_only_where_the_fit_supports_one() -> None:
