@@ -117,12 +117,16 @@ def _of_stiffness(part: Content) -> str:
     return f"{told} (the stiffness itself{where} is negative, as the curves show it). "
 
 
+MOSTLY: Final = 0.5
+"""Share of the draws that must have a number for it to be an answer; the tables of section 2 give all of them."""
+
+
 def _answer_row(
     part: Content, r: RecordContent, stiffness: bool, transformed: bool, *, first: bool
 ) -> tuple[Cell, ...]:
     found = {q.name: Estimate.of(q, q.unit) for q in r.document.quantities_of_branch}
     given = r.converged and not r.stiffness_withheld
-    widths = (q for q in part.loops_of(r.condition) if q.name == "hysteresis_width")
+    widths = (q for q in part.loops_of(r.condition) if q.name == "hysteresis_width" and q.defined >= MOSTLY)
     width = next((Estimate.of(q, q.unit) for q in widths), None)
     low, high = _ends(r)
     return (
@@ -139,7 +143,9 @@ def _ends(r: RecordContent) -> tuple[Estimate | None, Estimate | None]:
     """Temperatures of start and finish, in the order in which the branch meets them."""
     found = r.document.transformation if r.converged else {}
     low, high = (
-        Estimate.of(found[name], found[name].unit) if name in found else None
+        Estimate.of(found[name], found[name].unit)
+        if name in found and found[name].defined >= MOSTLY
+        else None
         for name in (("As", "Af") if r.branch == "heating" else ("Ms", "Mf"))
     )
     return low, high

@@ -114,6 +114,28 @@ def test_what_a_transformation_temperature_lacks_is_said(
     assert advice in step
 
 
+def test_a_number_that_few_draws_have_is_no_answer(content: Content) -> None:
+    def with_share(share: float) -> Content:
+        temperatures = {
+            name: t.model_copy(update={"defined": share if name == "Af" else 1.0})
+            for name, t in content.records[0].document.transformation.items()
+        }
+        first = told(content.records[0], transformation=temperatures)
+        loops = tuple(
+            q.model_copy(update={"defined": share}) if q.name == "hysteresis_width" else q
+            for q in content.loops
+        )
+        return replace(content, records=(first, *content.records[1:]), loops=loops)
+
+    def row(share: float) -> dict[str, Any]:
+        (table,) = answer_tables(with_share(share))
+        return dict(zip([c.key for c in table.columns], table.rows[0], strict=True))
+
+    rare, usual = row(0.3), row(0.9)
+    changed = {name for name, cell in usual.items() if cell is not None and rare[name] is None}
+    assert len(changed) == 2, changed
+
+
 def test_what_is_asked_next_lies_within_what_the_spring_does(content: Content) -> None:
     """The greatest stiffness is reached with a probability of a half, and so no temperature is found for it."""
     (ask,) = (s for s in next_steps(content) if "sma-bayes ask" in s)
