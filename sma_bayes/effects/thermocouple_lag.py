@@ -29,7 +29,8 @@ class ThermocoupleLag:
     rate differs at the same temperature: other currents, a step-off, the rounded ends of a sweep. The mount moves whole
     cycles until it is as warm as it gets. A transformation that lags moves the curves the other way; infrared, or a
     step-off above the transformation, shows the sensor alone. A simulated temperature goes through the same sensor.
-    Each stretch begins with all of it equally warm.
+    Each stretch begins with all of it equally warm. Where temperature is an outcome, second thermal masses make such
+    slow parts, and the sensor has no mount.
     """
 
     id = "thermocouple_lag"
@@ -46,8 +47,11 @@ class ThermocoupleLag:
     def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         lag, part, slow = LogNormal(0.5, 1.2), HalfNormal(0.06), LogNormal(100.0, 1.2)
         few = "a few per cent: 90 % between 0.0038 and 0.12"
+        own = Parameter("tau", "s", "time constant of the junction", lag, "90 % between 0.07 and 3.6 s")
+        if "temperature" in scales.step:
+            return (own,)
         return (
-            Parameter("tau", "s", "time constant of the junction", lag, "90 % between 0.07 and 3.6 s"),
+            own,
             Parameter("q", "1", "mount over junction in what is read", part, few, refines=True),
             Parameter(
                 "m", "1", "time constant of the mount over tau", slow, "90 % between 14 and 720", refines=True
@@ -55,6 +59,8 @@ class ThermocoupleLag:
         )
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:
+        if theta.shape[-1] == 1:
+            theta = np.concatenate([theta, np.zeros_like(theta), np.ones_like(theta)], axis=-1)
         tau, q, slower = (theta[..., i : i + 1] for i in range(3))
         mount = np.maximum(slower * tau, LEAST)
         passed = elapsed(inputs) / mount
