@@ -28,8 +28,9 @@ class ThermocoupleLag:
     At a constant rate on each branch the lag is a shift of the curve, which its midpoint absorbs; it shows where the
     rate differs at the same temperature: other currents, a step-off, the rounded ends of a sweep. The mount moves whole
     cycles until it is as warm as it gets. A transformation that lags moves the curves the other way; infrared, or a
-    step-off above the transformation, shows the sensor alone. A simulated temperature goes through the same sensor.
-    Each stretch begins with all of it equally warm. Where temperature is an outcome, second thermal masses make such
+    step-off above the transformation, shows the sensor alone. Each stretch begins with all of it equally warm.
+
+    A simulated temperature goes through the same lag. Where temperature is an outcome a second thermal mass makes such
     slow parts, and the sensor has no mount.
     """
 
@@ -47,11 +48,11 @@ class ThermocoupleLag:
     def parameters(self, scales: Scales) -> tuple[Parameter, ...]:
         lag, part, slow = LogNormal(0.5, 1.2), HalfNormal(0.06), LogNormal(100.0, 1.2)
         few = "a few per cent: 90 % between 0.0038 and 0.12"
-        own = Parameter("tau", "s", "time constant of the junction", lag, "90 % between 0.07 and 3.6 s")
+        junction = Parameter("tau", "s", "time constant of the junction", lag, "90 % between 0.07 and 3.6 s")
         if "temperature" in scales.step:
-            return (own,)
+            return (junction,)
         return (
-            own,
+            junction,
             Parameter("q", "1", "mount over junction in what is read", part, few, refines=True),
             Parameter(
                 "m", "1", "time constant of the mount over tau", slow, "90 % between 14 and 720", refines=True
@@ -59,27 +60,21 @@ class ThermocoupleLag:
         )
 
     def apply(self, response: Response, theta: Floats, inputs: Inputs) -> dict[str, Floats]:
-        if theta.shape[-1] == 1:
-            theta = np.concatenate([theta, np.zeros_like(theta), np.ones_like(theta)], axis=-1)
-        tau, q, slower = (theta[..., i : i + 1] for i in range(3))
-        mount = np.maximum(slower * tau, LEAST)
-        passed = elapsed(inputs) / mount
-        passed = np.where(starts(inputs), MEMORY_TIME_CONSTANTS, passed)
+        tau, read, rate = theta[..., :1], inputs["temperature"], inputs["rate"]
+        junction = read
+        if theta.shape[-1] > 1:
+            junction, rate = _of_junction(read, rate, tau, theta[..., 1:2], theta[..., 2:3], inputs)
+        lag = tau + inputs.get("sensor_lag", 0.0)
+        return response(
+            {**at(inputs, junction + tau * rate), "sensor_lag": lag, "read": inputs.get("read", read)}
+        )
 
-        def behind(read: Floats) -> Floats:
-            """What the mount is behind the reading, shape (..., n)."""
-            return read - lagged(read, (1.0 + q) * passed)
 
-        read = inputs["temperature"]
-        late = behind(read)
-        junction = read + q * late
-        rate = inputs["rate"] + q * (inputs["rate"] - (1.0 + q) * late / mount)
-        given = at(inputs, junction + tau * rate)
-        given["sensor_lag"] = tau + inputs.get("sensor_lag", 0.0)
-        known = inputs.get("read", read)
-        given["read"] = known + q * behind(known)
-        out = response(given)
-        if "temperature" in out:
-            warm = out["temperature"]
-            out = {**out, "temperature": (warm + q * lagged(warm, passed)) / (1.0 + q)}
-        return out
+def _of_junction(
+    read: Floats, rate: Floats, tau: Floats, share: Floats, slower: Floats, inputs: Inputs
+) -> tuple[Floats, Floats]:
+    """Temperature of the junction, and how fast it changes, of a sensor that reads its mount as well."""
+    mount = np.maximum(slower * tau, LEAST)
+    passed = np.where(starts(inputs), MEMORY_TIME_CONSTANTS, elapsed(inputs) / mount)
+    behind = read - lagged(read, (1.0 + share) * passed)
+    return read + share * behind, rate + share * (rate - (1.0 + share) * behind / mount)

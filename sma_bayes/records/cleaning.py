@@ -23,8 +23,6 @@ from sma_bayes.records.quality import (
 CHANNEL_STEPS: Final = 10.0
 """A zero in a channel is a drop-out when it is this many usual steps from its neighbours: zero may be
 real."""
-
-
 STALLED_ROWS: Final = 4
 """Rows in a row with one time stamp, most of all that there are, from which on a logger stalled."""
 MAX_SHARE_MISSING: Final = 0.5
@@ -72,7 +70,7 @@ def _clean_time(ledger: Ledger) -> None:
         ledger.note(index[restart], "time-restart", message, column="time")
     tied = np.flatnonzero(np.diff(ledger.column("time")) == 0) + 1
     if tied.size:
-        longest = int(np.diff(np.flatnonzero(np.diff(tied, prepend=-1, append=tied[-1] + 2) != 1)).max())
+        longest = int(np.unique(ledger.column("time"), return_counts=True)[1].max()) - 1
         stalled = f"the clock stood still for {longest} of them on end, as a logger that stalls leaves it"
         why = stalled if longest >= STALLED_ROWS and 2 * longest > tied.size else "time has too few digits"
         message = f"{many(tied.size, 'row')} with the time stamp of the row before: {why}"

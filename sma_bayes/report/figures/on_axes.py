@@ -8,7 +8,7 @@ from sma_bayes.assess.bands import Band
 from sma_bayes.quantities import unit_text
 from sma_bayes.records.types import Record
 from sma_bayes.report.figures.sheet import COLOURS
-from sma_bayes.runs.declared_units import Shown
+from sma_bayes.runs.declared_units import Shown, shown_as
 
 __all__ = ["Axes", "draw_band"]
 
@@ -30,18 +30,14 @@ def draw_band(record: Record, band: Band, ax: Axes | None, units: Shown) -> Axes
 
         ax = pyplot.gca()
     colour, name = COLOURS[record.branch], record.quantity(band.channel)
-    warmth, size = units.get("temperature"), units.get(name)
-    t = band.temperature if warmth is None else warmth.values(band.temperature)
-    curve = {q: y if size is None else size.values(y) for q, y in band.curve.items()}
+    warmth, size = shown_as(record.units["temperature"], units), shown_as(band.unit, units, name)
+    t, curve = warmth.values(band.temperature), {q: size.values(y) for q, y in band.curve.items()}
     ax.fill_between(t, curve["q05"], curve["q95"], color=colour, alpha=0.2, linewidth=0.0)
     ax.fill_between(t, curve["q25"], curve["q75"], color=colour, alpha=0.35, linewidth=0.0)
     ax.plot(t, curve["q50"], color=colour, label=record.key)
     if band.channel in record.channels:
-        at, y = record.temperature, record.observed[band.channel]
-        at, y = at if warmth is None else warmth.values(at), y if size is None else size.values(y)
+        at, y = warmth.values(record.temperature), size.values(record.observed[band.channel])
         ax.plot(at, y, ".", color=colour, markersize=3.0, alpha=0.5)
-    degrees = record.units["temperature"] if warmth is None else warmth.shown
-    unit = band.unit if size is None else size.shown
-    ax.set_xlabel(f"temperature [{unit_text(degrees)}]")
-    ax.set_ylabel(f"{name} [{unit_text(unit) or '1'}]")
+    ax.set_xlabel(f"temperature [{unit_text(warmth.shown)}]")
+    ax.set_ylabel(f"{name} [{unit_text(size.shown) or '1'}]")
     return ax

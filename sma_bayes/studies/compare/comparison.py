@@ -48,6 +48,7 @@ from sma_bayes.sampling.weighted import resampled, weighted_quantiles
 from sma_bayes.studies.compare.contenders import (
     PLUG_IN_MODELS,
     Contender,
+    by_curve,
     contenders,
     copy_of,
     curve_of,
@@ -329,7 +330,7 @@ def finished_comparison(
             name = f"{c.name}, model {len(fitted) + 1} of {len(running)}"
             tell = partial(_tell, progress, name)
             fitted[c.name] = setting.fit(c, begun.modes[c.name], own, tell)
-    curves = _names_by_curve(running, setting.record)
+    curves = by_curve(running, setting.record)
     fitted = _predicted_as_one(fitted, curves)
     first = Comparison(
         setting.record, setting.noise, begun.choice, setting.memory, setting.folds, fitted, begun.copies,
@@ -340,14 +341,6 @@ def finished_comparison(
     verdict = judge(first.standings())
     took = begun.wall_s + time.perf_counter() - clock
     return replace(first, weights=weights, verdict=verdict, wall_s=took)
-
-
-def _names_by_curve(running: Sequence[Contender], record: Record) -> tuple[tuple[str, ...], ...]:
-    """Names of contenders, those that are the same curve together."""
-    names: dict[str, list[str]] = {}
-    for c in running:
-        names.setdefault(curve_of(c, record), []).append(c.name)
-    return tuple(map(tuple, names.values()))
 
 
 def _predicted_as_one(

@@ -8,7 +8,7 @@ curve the paper calls the model of the stiffness in those modes of operation (li
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Final
 
@@ -164,6 +164,14 @@ def curve_of(contender: Contender, record: Record) -> str:
     if contender.name in logistic:
         return "four-parameter logistic"
     return copy_of(contender, record) or contender.name
+
+
+def by_curve(found: Iterable[Contender], record: Record) -> tuple[tuple[str, ...], ...]:
+    """Names of contenders, those that are the same curve together."""
+    names: dict[str, list[str]] = {}
+    for c in found:
+        names.setdefault(curve_of(c, record), []).append(c.name)
+    return tuple(map(tuple, names.values()))
 
 
 def model_of(contender: Contender, record: Record) -> ResponseModel:

@@ -15,7 +15,7 @@ from sma_bayes.runs.schema import CorrelationAverage, CorrelationFactors
 from sma_bayes.sampling.pareto import MAX_RELIABLE_K
 from sma_bayes.sampling.weighted import weighted_quantiles
 from sma_bayes.studies.compare.comparison import Comparison, FittedContender
-from sma_bayes.studies.compare.contenders import Contender, curve_of
+from sma_bayes.studies.compare.contenders import Contender, by_curve, curve_of
 from sma_bayes.studies.compare.schema import (
     ComparedModel,
     ComparedRecord,
@@ -76,11 +76,10 @@ def _resolved(comparison: Comparison, contender: Contender) -> FittedContender |
 
 def _classes(comparison: Comparison) -> tuple[tuple[str, ...], ...]:
     """Models that are the same curve, where there is more than one."""
-    classes: dict[str, list[str]] = {}
-    for c in comparison.entrants:
-        if _takes_part(comparison, c) and c.name not in comparison.unavailable:
-            classes.setdefault(curve_of(c, comparison.record), []).append(c.name)
-    return tuple(tuple(names) for names in classes.values() if len(names) > 1)
+    found = (
+        c for c in comparison.entrants if _takes_part(comparison, c) and c.name not in comparison.unavailable
+    )
+    return tuple(names for names in by_curve(found, comparison.record) if len(names) > 1)
 
 
 def _model(comparison: Comparison, contender: Contender) -> ComparedModel:

@@ -205,8 +205,10 @@ def _parameter(a: Estimated | None, b: Estimated | None) -> ComparedParameter:
 
 def _of_run(p: Estimated | None) -> ParameterOfRun | None:
     """What has no standard deviation is as uncertain as its interval says."""
-    if p is None or isinstance(p, ParameterSummary):
-        return None if p is None else ParameterOfRun.about(p)
+    if p is None:
+        return None
+    if isinstance(p, ParameterSummary):
+        return ParameterOfRun.about(p)
     sd = None if p.q05 is None or p.q95 is None else (p.q95 - p.q05) / NORMAL_90
     return ParameterOfRun(median=p.median, q05=p.q05, q95=p.q95, sd=sd)
 

@@ -24,7 +24,7 @@ from sma_bayes.fitting.fit import Fit
 from sma_bayes.fitting.least_squares import LeastSquares, least_squares_at
 from sma_bayes.progress import Progress, silent
 from sma_bayes.records.types import Record
-from sma_bayes.runs.declared_units import Shown, shown_units
+from sma_bayes.runs.declared_units import Shown, shown_as, shown_units
 from sma_bayes.runs.fit_document import FitFindings, RecordSummary, SelfCheckSummary
 from sma_bayes.runs.shown import in_shown_units
 from sma_bayes.runs.store import write_posterior
@@ -220,13 +220,12 @@ class RecordFit(Fit):
         for name in ("low", "median", "high"):
             columns[f"pred_{name}"] = np.full(at.size, np.nan) if new is None else getattr(new, name)
         beyond = (at < observed.min()) | (at > observed.max())
-        unit = self.summarised.quantities[channel].unit
-        shown = self._units.get(self.record.quantity(channel)) if declared else None
-        if shown is not None:
-            columns, unit = {name: shown.values(y) for name, y in columns.items()}, shown.shown
-        frame = pd.DataFrame(columns, index=pd.Index(at, name="temperature"))
-        frame.attrs["unit"] = unit
-        return frame.assign(extrapolated=beyond, unit=unit)
+        units = self._units if declared else {}
+        shown = shown_as(self.summarised.quantities[channel].unit, units, self.record.quantity(channel))
+        told = {name: shown.values(y) for name, y in columns.items()}
+        frame = pd.DataFrame(told, index=pd.Index(at, name="temperature"))
+        frame.attrs["unit"] = shown.shown
+        return frame.assign(extrapolated=beyond, unit=shown.shown)
 
     def stiffness(
         self, temperature: npt.ArrayLike, *, probability: float = PROBABILITY, declared: bool = False

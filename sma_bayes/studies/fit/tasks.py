@@ -160,11 +160,9 @@ def fitted(
     """
     tasks = tasks_of(groups, options, folder, lines, doubted)
     conditions = _by_condition(tasks)
-    if options.pool == "none" and len(conditions) >= CONDITION_TASKS_FROM:
-        yield from _by_whole_conditions(conditions, folder, jobs, account)
-        return
     if options.pool == "none":
-        yield from _record_by_record(conditions, folder, jobs, account)
+        parts = _by_whole_conditions if len(conditions) >= CONDITION_TASKS_FROM else _record_by_record
+        yield from parts(conditions, folder, jobs, account)
         return
     assessed = []
     for found in run(_assess_task, tasks, jobs, account=account, light=all(t.light for t in tasks)):

@@ -111,13 +111,15 @@ class Jumps:
     @cached_property
     def in_own_noise(self) -> Jumps | None:
         """Jumps in the same model with the noise that is left beside these; None where that is not smaller."""
+        if not self.found:
+            return self._in_steady_noise
         fitted = self.fitted
         residual = fitted.residual.copy()
         for jump in self.found:
             residual[jump.block.at.start + jump.sample : jump.block.at.stop] -= jump.by
         noise = noise_of(fitted.hypothesis, fitted.blocks, residual, fitted.theta)
         smaller = sum(a.log_scale - b.log_scale for a, b in zip(fitted.noise, noise, strict=True))
-        if not self.found or smaller < STRONG_LN_BAYES_FACTOR:
+        if smaller < STRONG_LN_BAYES_FACTOR:
             return self._in_steady_noise
         return Jumps(fit_hypothesis(fitted.hypothesis, fitted.z, noise), self.within_cycles)
 

@@ -67,9 +67,7 @@ class HeatBalance:
     contact : ndarray
         Error of the thermometer over the excess of its reading.
     lag : ndarray
-        Time constant of the junction of the thermometer [s].
-    mount, mount_time : ndarray
-        Mount over junction in what it reads, and the time constant of the mount [s].
+        Time constant of the thermometer [s].
     """
 
     gain: Floats
@@ -86,8 +84,6 @@ class HeatBalance:
     usual_room: Floats
     contact: Floats
     lag: Floats
-    mount: Floats
-    mount_time: Floats
 
     @property
     def size(self) -> int:
@@ -166,7 +162,6 @@ class FittedBalance:
                 return np.zeros(len(self.draws))
             return np.asarray(self.draws[:, at[name][number]])
 
-        lag = effect("thermocouple_lag")
         return HeatBalance(
             gain=gain,
             loss=loss,
@@ -181,9 +176,7 @@ class FittedBalance:
             draught=effect("ambient_draught"),
             usual_room=usual + effect("ambient_draught", 1 + i),
             contact=effect("contact_error"),
-            lag=lag,
-            mount=effect("thermocouple_lag", 1),
-            mount_time=lag * effect("thermocouple_lag", 2),
+            lag=effect("thermocouple_lag"),
         )
 
     def _number(self, condition: str) -> int:

@@ -127,15 +127,10 @@ def require_length(profile: CurrentProfile, balance: HeatBalance) -> None:
 
 @dataclass(slots=True, eq=False)
 class _Now:
-    """What changes from step to step, arrays (S,): temperatures of alloy, second mass, thermometer, its extreme.
-
-    The thermometer reads between its junction and its mount.
-    """
+    """What changes from step to step, arrays (S,): temperatures of alloy, second mass, thermometer, its extreme."""
 
     alloy: Floats
     beside: Floats
-    junction: Floats
-    mount: Floats
     read: Floats
     farthest: Floats
     state: State
@@ -197,7 +192,7 @@ def _begin(spring: Spring, balance: HeatBalance, profile: CurrentProfile, start:
     read = room if start.temperature is None else np.full(balance.size, start.temperature)
     alloy = balance.of_alloy(read, room)
     none = np.zeros(balance.size)
-    return _Now(alloy, alloy, read, read, read, read, spring.begin(start.on_heating), none, none)
+    return _Now(alloy, alloy, read, read, spring.begin(start.on_heating), none, none)
 
 
 def _net(
@@ -238,7 +233,7 @@ def _step(spring: Spring, balance: HeatBalance, now: _Now, amperes: float, room:
     alloy = before + dt * _net(balance, before, now.beside, share, amperes, room) / _capacity(
         spring, balance, now
     )
-    junction, mount, read = _sensed(balance, now, alloy, room, dt)
+    read = _sensed(balance, now, alloy, room, dt)
     for _ in range(MIDPOINT_ROUNDS):
         middle = 0.5 * (before + alloy)
         loss = balance.loss_rate(middle, room)
@@ -258,33 +253,22 @@ def _step(spring: Spring, balance: HeatBalance, now: _Now, amperes: float, room:
         passed = loss * dt / capacity
         late = np.where(passed > 1e-12, -np.expm1(-passed) / np.maximum(passed, 1e-12), 1.0)
         alloy = before + late * dt * (heat - loss * (before - room)) / capacity
-        junction, mount, read = _sensed(balance, now, alloy, room, dt)
+        read = _sensed(balance, now, alloy, room, dt)
     now.beside = now.beside - np.expm1(-dt / np.maximum(balance.second_time, 1e-9)) * (
         0.5 * (before + alloy) - now.beside
     )
-    now.alloy, now.junction, now.mount, now.read = alloy, junction, mount, read
+    now.alloy, now.read = alloy, read
     _turn(spring, now)
 
 
-def _sensed(
-    balance: HeatBalance, now: _Now, alloy: Floats, room: Floats, dt: float
-) -> tuple[Floats, Floats, Floats]:
-    """Junction, mount and reading of the thermometer at the end of a step in which the alloy warms up evenly."""
-    before, after = balance.read(now.alloy, room), balance.read(alloy, room)
+def _sensed(balance: HeatBalance, now: _Now, alloy: Floats, room: Floats, dt: float) -> Floats:
+    """What the thermometer says at the end of a step in which the alloy warms up evenly."""
     if not balance.lag.any():
-        return after, after, after
-    junction = _followed(now.junction, before, after, balance.lag, dt)
-    if not balance.mount.any():
-        return junction, junction, junction
-    mount = _followed(now.mount, now.junction, junction, balance.mount_time, dt)
-    return junction, mount, (junction + balance.mount * mount) / (1.0 + balance.mount)
-
-
-def _followed(value: Floats, before: Floats, after: Floats, tau: Floats, dt: float) -> Floats:
-    """Where something with a time constant gets to while what it follows goes straight from `before` to `after`."""
-    steps = dt / np.maximum(tau, 1e-9)
+        return balance.read(alloy, room)
+    source, rise = balance.read(now.alloy, room), balance.read(alloy, room) - balance.read(now.alloy, room)
+    steps = dt / np.maximum(balance.lag, 1e-9)
     mean = -np.expm1(-steps) / np.maximum(steps, 1e-12)
-    return np.asarray(before + (after - before) * (1.0 - mean) + (value - before) * np.exp(-steps))
+    return np.asarray(source + rise * (1.0 - mean) + (now.read - source) * np.exp(-steps))
 
 
 def _turn(spring: Spring, now: _Now) -> None:

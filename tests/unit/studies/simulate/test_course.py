@@ -26,7 +26,6 @@ EFFECTS = {
     "second mass": {"second": 0.4, "second_time": 6.0, "latent": 8.0},
     "contact": {"contact": 0.1, "latent": 8.0},
     "lag": {"lag": 2.0, "latent": 8.0},
-    "mount": {"lag": 1.0, "mount": 0.1, "mount_time": 30.0, "latent": 8.0},
 }
 
 
@@ -49,19 +48,14 @@ def balance(**more: float) -> HeatBalance:
 def test_heated_and_cooled_as_scipy_does(name: str) -> None:
     """Both outer branches, one after the other; the equations are written anew, in kelvin where they radiate."""
     own = {"latent": 0.0, "resistance": 0.0, "exponent": 0.0, "radiated": 0.0, "second": 0.0, "second_time": 1.0,
-           "contact": 0.0, "lag": 0.0, "mount": 0.0, "mount_time": 1.0} | EFFECTS[name]  # fmt: skip
+           "contact": 0.0, "lag": 0.0} | EFFECTS[name]  # fmt: skip
     profile = read_profile({"time_s": [0.0, 60.0, 120.0], "current_A": [1.1, 0.0, 0.0]})
     told = follow(spring(), balance(**EFFECTS[name]), profile, Start("cold"))
 
-    def reading(y: Any) -> Any:
-        alloy, _, junction, mount = y
-        if own["lag"]:
-            return (junction + own["mount"] * mount) / (1.0 + own["mount"])
-        return (alloy + own["contact"] * 22.0) / (1.0 + own["contact"])
-
     def rate(_: float, y: Any, current: float, branch: Branch) -> list[float]:
-        alloy, beside, junction, mount = y
-        read = reading(y)
+        alloy, beside, late = y
+        seen = (alloy + own["contact"] * 22.0) / (1.0 + own["contact"])
+        read = late if own["lag"] else seen
         s = share(read, branch)
         slope = 0.5 * s * (1.0 - s)
         heat = 7.0 * current**2 * (1.0 + own["resistance"] * (s - 0.5))
@@ -71,14 +65,12 @@ def test_heated_and_cooled_as_scipy_does(name: str) -> None:
         warmed = (alloy - beside) / own["second_time"]
         net = heat - lost - own["second"] * warmed
         if own["lag"]:
-            followed = ((alloy + own["contact"] * 22.0) / (1.0 + own["contact"]) - junction) / own["lag"]
-            behind = (junction - mount) / own["mount_time"]
-            change = (followed + own["mount"] * behind) / (1.0 + own["mount"])
-            return [net - own["latent"] * slope * change, warmed, followed, behind]
+            followed = (seen - late) / own["lag"]
+            return [net - own["latent"] * slope * followed, warmed, followed]
         change = net / (1.0 + own["latent"] * slope / (1.0 + own["contact"]))
-        return [change, warmed, 0.0, 0.0]
+        return [change, warmed, 0.0]
 
-    y, read = np.full(4, 22.0), []
+    y, read = np.full(3, 22.0), []
     for begin, current, branch in ((0.0, 1.1, Branch.HEATING), (60.0, 0.0, Branch.COOLING)):
         here = told.time[(told.time >= begin) & (told.time <= begin + 60.0)]
         found = solve_ivp(
@@ -91,7 +83,8 @@ def test_heated_and_cooled_as_scipy_does(name: str) -> None:
             max_step=0.2,
             t_eval=here,
         )
-        read.append(reading(found.y)[int(begin > 0.0) :])
+        seen = (found.y[0] + own["contact"] * 22.0) / (1.0 + own["contact"])
+        read.append((found.y[2] if own["lag"] else seen)[int(begin > 0.0) :])
         y = found.y[:, -1]
     assert np.max(np.abs(told.temperature[0] - np.concatenate(read))) < 0.15
     assert float(told.turns[0]) == 1.0
